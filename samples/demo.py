@@ -30,7 +30,7 @@ STEPS = (
     ),
     (
         "A wall that repeats, grown from a sample, with its normal map:",
-        "synth {s}/cobbles.png --also {s}/cobbles_normal.png --size 640x640 --tileable both --seed 3 -o "
+        "synth {s}/cobbles.png --normal {s}/cobbles_normal.png --size 640x640 --tileable both --seed 3 -o "
         "{o}/wall.png --force",
     ),
     (

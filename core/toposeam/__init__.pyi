@@ -63,6 +63,7 @@ from .vector.smooth import SmoothPath, smooth_path
 from .vector.svg import SvgSeam, read_svg
 from .volume.clip.loop import Loop, loop
 from .volume.clip.period import Jump
+from .volume.clip.verdict import LoopVerdict
 from .volume.find import SURFACE_METHODS, SurfaceMethod, find_surface
 from .volume.heat.method import SurfaceOptions
 from .volume.join import JoinedVolume, join_volumes
@@ -101,6 +102,7 @@ __all__ = [
     "Layer",
     "LayerRecipe",
     "Loop",
+    "LoopVerdict",
     "MatchCost",
     "Mesh",
     "Method",

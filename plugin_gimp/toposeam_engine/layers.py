@@ -5,7 +5,7 @@ Places are in px of the asker's image; every raster has its place there, ``at``.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -54,14 +54,22 @@ def place_of(raster: Mapping[str, Any]) -> tuple[int, int]:
 
 def selected_on(job: EngineJob, canvas: Extent) -> Mask | None:
     """(H, W) bool on a canvas: what is selected; None without a selection."""
-    raster = job.request.get("selection")
+    return _white_on(job, job.request.get("selection"), canvas)
+
+
+def avoided_on(job: EngineJob, canvas: Extent) -> Mask | None:
+    """(H, W) bool on a canvas: what seams keep away from, by a channel or a mask; None without one."""
+    return _white_on(job, job.request.get("avoid"), canvas)
+
+
+def _white_on(job: EngineJob, raster: Mapping[str, Any] | None, canvas: Extent) -> Mask | None:
     if raster is None:
         return None
-    selected = ts.Layer(job.read(raster) >= 128, at=place_of(raster))
-    place, result = canvas.place(selected), np.zeros(canvas.shape, bool)
+    white = ts.Layer(job.read(raster) >= 128, at=place_of(raster))
+    place, result = canvas.place(white), np.zeros(canvas.shape, bool)
     common = place.shared(canvas.box)
     if all(common.shape):
-        result[common.slices] = np.asarray(selected.image)[common.within(place)]
+        result[common.slices] = np.asarray(white.image)[common.within(place)]
     return result
 
 
@@ -72,13 +80,45 @@ def with_alpha(image: Image, alpha: Image | None) -> Image:
 
 
 def masks_of(
-    job: EngineJob, layers: Sequence[ts.Layer], masks: Iterable[Mask], canvas: Extent
-) -> list[dict[str, Any]]:
-    """Return each layer's mask, of the layer's own size, 255 where it shows."""
-    return [
-        job.write(mask[canvas.place(layer).slices].astype(np.uint8) * np.uint8(255))
-        for layer, mask in zip(layers, masks, strict=True)
-    ]
+    job: EngineJob, layers: Sequence[ts.Layer], labels: Any, canvas: Extent
+) -> list[dict[str, Any] | None]:
+    """Return each layer's mask, of the layer's own size: 0 where a lower one is to be seen, 255 elsewhere, so
+    that what is painted black on a mask shows the layers below.
+
+    The lowest needs none, unless something is not opaque that lies on it.
+    """
+    places = [canvas.place(layer).slices for layer in layers]
+    clear = None
+    for index, (layer, place) in enumerate(zip(layers, places, strict=True)):
+        if layer.alpha is not None and (thin := layer.alpha < full_scale(layer.image.dtype)).any():
+            clear = np.zeros(canvas.shape, bool) if clear is None else clear
+            clear[place] |= thin & (labels[place] == index)
+    masks: list[dict[str, Any] | None] = []
+    for index, place in enumerate(places):
+        own = labels[place]
+        hides = (own >= 0) & (own < index)
+        if clear is not None:
+            hides |= (own > index) & clear[place]
+        whole = index == 0 and not hides.any()
+        masks.append(None if whole else job.write(np.where(hides, np.uint8(0), np.uint8(255))))
+    return masks
+
+
+def labels_raster(job: EngineJob, labels: Any, canvas: Extent) -> dict[str, Any]:
+    """Return which layer shows at each pixel, counted from 1, and where the canvas lies."""
+    dtype = np.uint8 if labels.max(initial=0) < 255 else np.uint16
+    return {**job.write((labels + 1).astype(dtype)), "at": list(canvas.origin)}
+
+
+def blending(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the options; a width of 0 means the usual one, and some ways of blending have none."""
+    chosen = dict(options)
+    if law := chosen.pop("law", None):
+        chosen["cost"] = ts.MatchCost(law=law)
+    width = chosen.pop("blend_width", 0)
+    if width and chosen.get("blend") in ("feather", "multiband", "gradient"):
+        chosen["blend_width"] = float(width)
+    return chosen
 
 
 def changes_of(

@@ -9,7 +9,7 @@ alike.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,7 @@ from toposeam.motif.ink.mixing import mix
 from toposeam_engine import animations, motifs, seams, textures
 from toposeam_engine.job import EngineJob
 from toposeam_engine.layers import layers_of, with_alpha
+from toposeam_engine.places import framed
 
 #: Options that are lengths, and the least that still means something.
 _LENGTHS = {"blend_width": 1, "patch": 8, "overlap": 2, "band": 4, "width": 16, "height": 16}
@@ -31,6 +32,8 @@ _MOTIF_PX, _MOTIF_ITERATIONS = 96, 18
 def preview(job: EngineJob) -> dict[str, Any]:
     """Return the picture of what an operation would give, (H, W, 4) or (H, W, 2) with opacity last."""
     options = _reduced(job.options, float(job.request["scale"]))
+    if "places" in job.request:
+        options["places"] = job.request["places"]
     for name in ("width", "height"):  # of a texture, of which only a part is shown
         if name in options:
             options[name] = max(int(options[name] * float(job.request.get("extent", 1))), _LENGTHS[name])
@@ -49,17 +52,33 @@ def _reduced(options: dict[str, Any], scale: float) -> dict[str, Any]:
 
 
 def _stitch(job: EngineJob) -> Image:
-    _layers, found = seams.stitched(job, layers_of(job))
-    return _with_seams(found.image, found.alpha, found.seams)
+    try:
+        place, found = seams.stitched(job, layers_of(job))
+    except ts.OverlapError as error:
+        if job.options.get("places") != "anywhere":
+            raise
+        raise ts.OverlapError(
+            "reduced as they are for a preview, the layers cannot be placed; go on, and they are looked at "
+            "in "
+            "full size",
+            kind="small preview",
+        ) from error
+    shown = _with_seams(job, found)
+    if "crop" not in job.options:
+        return shown
+    _layers, moved, (width, height) = framed(place.layers, found, crop=bool(job.options["crop"]))
+    left, top = moved.origin
+    return shown[-top : height - top, -left : width - left]
 
 
 def _patch(job: EngineJob) -> Image:
-    found = ts.stitch(seams.patch_layers(job), progress=job.progress, **seams.blending(job.options))
-    return _with_seams(found.image, found.alpha, found.seams)
+    found = seams.stitched_patch(job, seams.patch_layers(job))
+    return _with_seams(job, found)
 
 
-def _with_seams(image: Image, alpha: Any, found: Sequence[ts.Seam]) -> Image:
-    return with_alpha(ts.draw_seams(image, found), alpha)
+def _with_seams(job: EngineJob, found: ts.Stitched) -> Image:
+    lined = job.request.get("seam_line", True)
+    return with_alpha(ts.draw_seams(found.image, found.seams) if lined else found.image, found.alpha)
 
 
 def _synthesize(job: EngineJob) -> Image:

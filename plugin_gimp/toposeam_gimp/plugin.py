@@ -5,12 +5,13 @@ messages.
 from __future__ import annotations
 
 import traceback
+from dataclasses import replace
 from importlib import import_module
 from typing import Any
 
 from gi.repository import Gimp, GLib, GObject
 
-from toposeam_gimp.engine.call import Call
+from toposeam_gimp.engine.call import Call, GoneError
 from toposeam_gimp.engine.folder import FolderError, is_full
 from toposeam_gimp.engine.process import EngineError
 from toposeam_gimp.entries.entry import Option, Procedure
@@ -48,7 +49,9 @@ class TopoSeam(Gimp.PlugIn):  # type: ignore[misc]
         procedure.set_sensitivity_mask(_SENSITIVE[entry.needs])
         procedure.set_menu_label(entry.label)
         # GIMP sorts by name; sections, which are hidden, keep the order of the table.
-        procedure.add_menu_path(f"{_MENU}/{entry.menu}/[{list(PROCEDURES).index(name)}]")
+        procedure.add_menu_path(f"{_MENU}/{entry.menu}/[{list(PROCEDURES).index(name):02}]")
+        if entry.also:
+            procedure.add_menu_path(entry.also)
         procedure.set_documentation(entry.blurb, entry.help, name)
         procedure.set_attribution("The TopoSeam developers", "The TopoSeam developers", "2026")
         for option in entry.options:
@@ -85,30 +88,29 @@ def _run(
     _data: Any,
 ) -> Gimp.ValueArray:
     entry = PROCEDURES[procedure.get_name()]
+    interactive = run_mode == Gimp.RunMode.INTERACTIVE
+    call = Call(
+        image=image,
+        drawables=drawables,
+        options={},
+        entry=entry,
+        interactive=interactive,
+        show_progress=Gimp.progress_update,
+    )
     try:
-        asks = run_mode == Gimp.RunMode.INTERACTIVE and entry.options
         name, function = entry.work.split(".")
-        if asks and entry.check:
-            getattr(import_module(f"toposeam_gimp.actions.{name}"), entry.check)(image, drawables)
-        if asks and not _ask_user(procedure, config, entry, image, drawables):
+        if interactive and entry.options and not _ask_user(procedure, config, entry, image, drawables):
             return procedure.new_return_values(Gimp.PDBStatusType.CANCEL, None)
-        options = {option.name: config.get_property(option.name) for option in entry.options}
+        call = replace(call, options={one.name: config.get_property(one.name) for one in entry.options})
         for option in entry.options:
             if option.default is None:  # GIMP cannot write down which layer it was, and would complain
                 config.set_property(option.name, None)
         Gimp.progress_init(entry.title)
-        call = Call(
-            image=image,
-            drawables=drawables,
-            options=options,
-            entry=entry,
-            interactive=run_mode == Gimp.RunMode.INTERACTIVE,
-        )
         layer = getattr(import_module(f"toposeam_gimp.actions.{name}"), function)(call)
         Gimp.displays_flush()
         if call.interactive and call.remarks:
             Gimp.message("\n".join(call.remarks))
-    except (RefusedError, UnclearError, EngineError, FolderError) as error:
+    except (RefusedError, UnclearError, GoneError, EngineError, FolderError) as error:
         return _failure(procedure, str(error))
     except MemoryError:
         return _failure(
@@ -118,11 +120,10 @@ def _run(
         hint = _("free some space") if is_full(error) else _("check the rights of the temporary folder")
         return _failure(procedure, f"{error.strerror or error}: {error.filename or ''}; {hint}.")
     except Exception as error:
-        if any(not item.is_valid() for item in (image, *drawables) if item is not None):
-            return _failure(
-                procedure,
-                _("The image was closed, or a layer deleted, while TopoSeam worked on it; nothing was done."),
-            )
+        try:
+            call.check_image()
+        except GoneError as gone:
+            return _failure(procedure, str(gone))
         traceback.print_exc()
         return _failure(
             procedure,

@@ -16,16 +16,20 @@ from toposeam_gimp.texts import _
 #: filled.
 _SENTENCES = {
     "apart": (
-        _("“{name}” does not overlap the other layers; move it onto them."),
+        _("“{name}” overlaps no other layer; move it onto one."),
         _("The layers do not overlap; move one of them onto the other."),
     ),
     "blocked": (
-        _("The selection leaves the seam no way through the overlap; select more of it, from end to end."),
+        _(
+            "The selection, or what the seam keeps away from, leaves it no way through the overlap; select "
+            "more, from end to end, or paint less white."
+        ),
     ),
     "nothing between": (
         _(
-            "Where the layers overlap, one covers all of the other, or is too thin to hold a seam; let each "
-            "reach beyond the other, or one lie well inside the other."
+            "One layer covers all of the other, so there is nothing between which a seam could run. If "
+            "they are photographs to be placed, choose Panorama from Layers; otherwise let each reach "
+            "beyond the other, or one lie well inside the other."
         ),
     ),
     "path not across": (
@@ -37,19 +41,21 @@ _SENTENCES = {
     "not aligned": (
         _(
             "“{name}” cannot be aligned: within {radius} px of where it lies it agrees with none of the "
-            "other layers. Move it closer to its place, or let “Positions” find out where it belongs."
+            "other layers. Move it closer to its place, or choose “Align automatically” as Positions."
         ),
     ),
     "fits none": (
         _(
             "“{name}” shows nothing that the other layers show too, so where it belongs cannot be found out. "
-            "Select the others without it, or lay it where it belongs and switch “Positions” back."
+            "Select the others without it; or lay it where it belongs, and choose Stitch Layers with the "
+            "Positions “As the layers lie”."
         ),
     ),
     "fit none": (
         _(
-            "{names} show nothing that the other layers show too, so where they belong cannot be found out. "
-            "Select the others without them, or lay them where they belong and switch “Positions” back."
+            "These layers show nothing that the others show too, so where they belong cannot be found out: "
+            "{names}. Select layers that overlap; or lay them where they belong, and choose Stitch Layers "
+            "with the Positions “As the layers lie”."
         ),
     ),
     "apart in groups": (
@@ -60,20 +66,27 @@ _SENTENCES = {
     ),
     "misfit": (
         _(
-            "{names} do not fit on each other: up to {off} px are left between them. Moving and turning do "
-            "not undo a lens or a change of perspective; lay the layers by hand, and switch “Positions” back."
+            "These layers do not fit on each other exactly: {names}. Up to {off} px are left between them. "
+            "They are no exact scans; choose Panorama from Layers with “Photographs”, which warps them."
         ),
     ),
     "ambiguous": (
         _(
-            "{names} match where the other layers do not place them, and which is right cannot be told: what "
-            "repeats itself matches in several places. Lay the layers by hand, and switch “Positions” back."
+            "It cannot be found out where these layers belong: {names}. What repeats itself matches in "
+            "several places. Lay the layers by hand, and choose Stitch Layers with the Positions “As the "
+            "layers lie”."
         ),
     ),
     "inexact": (
         _(
-            "“{name}” shares too little with the other layers to be placed exactly; lay it by hand, and "
-            "switch “Positions” back."
+            "These layers share too little with the others to be placed exactly: {name}. Choose Panorama "
+            "from Layers with “Photographs”, or lay them by hand and choose Stitch Layers."
+        ),
+    ),
+    "small preview": (
+        _(
+            "The layers could not be placed in the small preview. OK looks at them in full size, and says "
+            "what cannot be placed."
         ),
     ),
     "few layers": (_("Select at least two layers."),),

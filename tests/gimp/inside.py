@@ -35,9 +35,35 @@ def refused(gimp, loaded, phrase, procedure=STITCH, options=None):
 
 
 def mask_of(gimp, layer):
-    """(H, W) uint8."""
-    mask = gimp.python(code="answer = item(number).get_mask().get_id()", number=layer)
+    """(H, W) uint8; of a layer without a mask, everywhere white."""
+    code = "layer = item(number); answer = [layer.get_mask() and layer.get_mask().get_id(), layer.get_id()]"
+    mask, own = gimp.python(code=code, number=layer)
+    if mask is None:
+        return np.full(gimp.pixels(own, "R'G'B'A u8")[0].shape[:2], 255, np.uint8)
     return gimp.pixels(mask, "Y u8")[0][..., 0]
+
+
+def shown(gimp, layers):
+    """Where each of the layers, the lowest first, is seen under its mask and below the others: (H, W) uint8
+    each.
+    """
+    found, above = [], []
+    for layer in reversed(layers):
+        _pixels, (x, y) = gimp.pixels(layer, "R'G'B'A u8")
+        mask = mask_of(gimp, layer).copy()
+        height, width = mask.shape
+        for other, (left, top) in above:
+            box = np.s_[
+                max(top - y, 0) : max(top - y + other.shape[0], 0),
+                max(left - x, 0) : max(left - x + other.shape[1], 0),
+            ]
+            own = np.s_[
+                max(y - top, 0) : max(y - top + height, 0), max(x - left, 0) : max(x - left + width, 0)
+            ]
+            mask[box][other[own] > 0] = 0
+        above.append((mask, (x, y)))
+        found.insert(0, mask)
+    return found
 
 
 def covers_once(low, high, x, y):

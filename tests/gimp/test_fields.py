@@ -103,7 +103,8 @@ for widget in inside(dialog._dialog):
         room = widget.get_allocation()
         width = room.width + widget.get_margin_start() + widget.get_margin_end()
         height = room.height + widget.get_margin_top() + widget.get_margin_bottom()
-        narrow = width < widget.get_preferred_width()[0] or height < widget.get_preferred_height()[0]
+        tall = widget.get_preferred_height_for_width(width)[0]  # of texts that wrap
+        narrow = width < widget.get_preferred_width()[0] or height < tall
         text = widget.get_label() if isinstance(widget, Gtk.Label | Gtk.Button) else widget.get_name()
         if isinstance(widget, Gtk.Label):
             narrow |= width < widget.get_preferred_width()[1] and not widget.get_line_wrap()
@@ -128,6 +129,7 @@ for option in entry.options:
             config.set_property(other, value)
             wait(10)
             answer.append([option.name, value, dialog._rows[option.name].is_sensitive(), value in values])
+        config.set_property(other, values[0])
 dialog._dialog.destroy()
 """
     for field, value, sensitive, wanted in ask(name, code):
@@ -244,3 +246,79 @@ answer = [came, first, followed, again, off, text, on, different, sentences]
     assert (first, again, off, text) == (1, 2, 2, "")
     assert different == 3
     assert sentences == []
+
+
+REFUSED = {
+    "fill": ("Gimp.Selection.none(image_of(number))", "select what is to be replaced"),
+    "tile": ("image_of(number).select_ellipse(Gimp.ChannelOps.REPLACE, 140, 60, 40, 40)", "not a rectangle"),
+    "repeat": ("", "make one with Generate Motif"),
+    "loop": ("", "is not of the image's size"),
+    "stitch": ("[item(one).set_offsets(0, 0) for one in layers]", "Select → None"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_ok_is_insensitive_beside_the_reason(ask, name):
+    prepare, reason = REFUSED[name]
+    code = f"""
+{prepare}
+dialog = opened()
+ok = dialog._dialog.get_widget_for_response(Gtk.ResponseType.OK)
+answer = [dialog._reason.get_text(), ok.is_sensitive(), dialog._reason.get_visible()]
+Gimp.Selection.all(image_of(number)) if procedure.endswith("fill") else None
+dialog._check()
+answer.append(ok.is_sensitive())
+dialog._dialog.destroy()
+"""
+    said, sensitive, visible, later = ask(f"plug-in-toposeam-{name}", code)
+    assert reason in said
+    assert not sensitive
+    assert visible
+    assert later == (name == "fill")  # as soon as something is selected
+
+
+def test_layers_on_each_other_are_aligned_automatically(ask):
+    code = """
+Gimp.Selection.none(image_of(number))
+answer = [opened() and config.get_property("places")]
+[item(one).set_offsets(0, 0) for one in layers]
+opened()
+answer.append(config.get_property("places"))
+"""
+    assert ask(STITCH, code) == ["given", "anywhere"]
+
+
+def test_a_preview_is_zoomed_and_grows_with_the_window(ask):
+    code = """
+from gi.repository import Gdk
+Gimp.Selection.none(image_of(number))
+dialog = opened()
+dialog._pane.start()
+picture = dialog._pane._picture
+wait_until(lambda: dialog._pane._raw)
+fitted = picture.get_pixbuf().get_width()
+dialog._dialog.resize(1100, 800)
+wait(500)
+grown = picture.get_pixbuf().get_width()
+event = Gdk.Event.new(Gdk.EventType.SCROLL)
+event.scroll.direction = Gdk.ScrollDirection.UP
+dialog._pane._view._scrolled(picture, event)
+answer = [fitted, grown, picture.get_pixbuf().get_width()]
+dialog._pane.close()
+dialog._dialog.destroy()
+"""
+    fitted, grown, zoomed = ask(STITCH, code)
+    assert fitted < grown < zoomed
+
+
+def test_a_preview_of_a_hole_shows_its_surroundings(ask):
+    code = """
+dialog = opened()
+dialog._pane.start()
+answer = wait_until(lambda: dialog._pane._raw) and [dialog._pane._raw[0].get_width(), layers]
+answer[1] = item(layers[0]).get_width()
+dialog._pane.close()
+dialog._dialog.destroy()
+"""
+    shown, whole = ask(FILL, code)
+    assert shown == whole - (140 - 48) < whole  # from 48 px before a selection of 40 px to the layer's end

@@ -5,18 +5,24 @@ its place, and previews.
 import errno
 import os
 import queue
+import select
 import signal
+import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 import toposeam as ts
+import toposeam_gimp
 from toposeam_engine.serving import PROTOCOL
 from toposeam_gimp.dialogs import rehearsal
-from toposeam_gimp.engine import folder
+from toposeam_gimp.engine import folder, turns
 from toposeam_gimp.engine import process as engine
+from toposeam_gimp.engine.call import Call, GoneError
+from toposeam_gimp.entries.table import PROCEDURES
 
 GREETING = f'{{"event": "hello", "protocol": {PROTOCOL}, "version": "{ts.__version__}"}}'
 
@@ -103,7 +109,7 @@ def test_progress_and_result_come_through():
         '{"event": "result", "result": {"masks": []}}',
     )
     assert ask(script, progress=shares.append) == {"masks": []}
-    assert shares == [0.5]
+    assert shares == [0.5, 0.5]  # a sign of life, too, lets the asker look whether the image is still there
 
 
 @pytest.mark.parametrize(
@@ -237,3 +243,34 @@ def test_the_engine_is_kept_for_previews_and_ends_on_changes(tmp_path, monkeypat
     finally:
         shown.close()
     assert not any(one.lives for one in asked)
+
+
+def test_a_closed_image_stops_the_engine():
+    image = SimpleNamespace(is_valid=lambda: False)
+    call = Call(
+        image=image, drawables=[], options={}, entry=PROCEDURES["plug-in-toposeam-stitch"], interactive=True
+    )
+    script = say(GREETING, '{"event": "alive"}') + "\nimport time\ntime.sleep(60)"
+    with pytest.raises(GoneError, match="The image was closed"):
+        ask(script, progress=call.progress)
+
+
+def test_entries_change_images_one_after_another(own_temporary_folder):
+    code = f"""
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+from toposeam_gimp.engine import turns
+turns.tempfile.gettempdir = lambda: {str(own_temporary_folder)!r}
+with turns.turn():
+    print("mine", flush=True)
+"""
+    with turns.turn():
+        other = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, env=with_plug_in())
+        readable, _writable, _failed = select.select([other.stdout], [], [], 0.5)
+        assert not readable
+    assert other.communicate(timeout=60)[0] == b"mine\n"
+
+
+def with_plug_in():
+    return {**os.environ, "PYTHONPATH": str(Path(toposeam_gimp.__file__).parents[1])}

@@ -16,6 +16,8 @@ from PIL import Image
 
 import toposeam as ts
 import toposeam_gimp
+from toposeam.layers.canvas.transforms import PROJECTIONS
+from toposeam.layers.registration.placement import MODELS
 from toposeam.motif.ink.stroke_edges import EDGES
 from toposeam_engine.serving import MARKER, OPERATIONS, PROTOCOL
 from toposeam_gimp import sentences
@@ -26,7 +28,10 @@ from toposeam_gimp.entries import help_page
 from toposeam_gimp.entries.table import PROCEDURES
 
 PLUG_IN = Path(toposeam_gimp.__file__).parent
-KOREAN = gettext.translation("toposeam_gimp", PLUG_IN / "locale", ["ko"])
+LANGUAGES = {
+    place.name: gettext.translation("toposeam_gimp", PLUG_IN / "locale", [place.name])
+    for place in sorted((PLUG_IN / "locale").iterdir())
+}
 
 
 def test_versions_and_protocol_agree():
@@ -41,8 +46,11 @@ def test_the_tables_offer_what_core_has():
         (found,) = (entry for entry in PROCEDURES[f"plug-in-toposeam-{name}"].options if entry.name == option)
         return [nick for nick, _ in found.choices]
 
-    assert sorted(choices("stitch", "method")) == sorted(ts.METHODS)
-    assert sorted(choices("stitch", "blend")) == sorted(ts.BLENDS)
+    assert sorted(choices("stitch", "method")) == sorted(set(ts.METHODS) - {"thesis"})
+    for name in ("stitch", "panorama"):
+        assert sorted(choices(name, "blend")) == sorted(ts.BLENDS)
+    assert choices("panorama", "model") == ["auto", *MODELS]
+    assert choices("panorama", "projection") == ["auto", *PROJECTIONS]
     assert sorted(choices("motif", "repeat")) == sorted(ts.REPEATS)
     assert sorted(choices("motif", "palette")) == sorted(["random", *ts.PALETTES])
     assert sorted(choices("motif", "edge")) == sorted(["auto", *EDGES])
@@ -92,8 +100,9 @@ def test_every_entry_is_complete(entry):
 
 
 @pytest.mark.parametrize("entry", PROCEDURES.values(), ids=PROCEDURES)
-@pytest.mark.parametrize("translate", [str, KOREAN.gettext], ids=["English", "Korean"])
-def test_no_two_fields_of_a_dialog_share_a_mnemonic(entry, translate):
+@pytest.mark.parametrize("language", ["en", *LANGUAGES])
+def test_no_two_fields_of_a_dialog_share_a_mnemonic(entry, language):
+    translate = LANGUAGES[language].gettext if language in LANGUAGES else str
     labels = [option.label for option in entry.options]
     labels += ["A_dvanced"] * any(option.advanced for option in entry.options)
     labels += ["Pre_view"] * (entry.preview is not None)
@@ -122,7 +131,7 @@ def test_what_an_option_depends_on_is_there(entry):
             "apart",
             None,
             {"name": "right.png", "x": "441", "y": "0"},
-            "“right.png” does not overlap the other layers; move it onto them.",
+            "“right.png” overlaps no other layer; move it onto one.",
         ),
         ("apart", None, {}, "The layers do not overlap; move one of them onto the other."),
         (
@@ -142,7 +151,9 @@ def test_what_an_option_depends_on_is_there(entry):
             None,
             {"name": "{b} fit"},
             "“{b} fit” shows nothing that the other layers show too, so where it belongs cannot be found "
-            "out. Select the others without it, or lay it where it belongs and switch “Positions” back.",
+            "out. Select the others without it; or lay it where it belongs, and choose Stitch Layers with "
+            "the "
+            "Positions “As the layers lie”.",
         ),
         (
             "long transition",
@@ -194,25 +205,28 @@ def sources():
                 yield ast.literal_eval(node.args[0])
 
 
-def test_korean_is_complete_with_placeholders_and_mnemonics():
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_translations_are_complete_with_their_placeholders(language):
     for text in sources():
-        translated = KOREAN.gettext(text)
-        assert re.search("[가-힣]", translated), text
+        translated = LANGUAGES[language].gettext(text)
+        if language in ("ko", "ja"):
+            assert re.search("[가-힣]" if language == "ko" else "[ぁ-んァ-ン一-龥]|OK", translated), text
+            assert ("_" in text) == ("_" in translated)
         fields = [
             sorted(field for _, field, _, _ in string.Formatter().parse(one) if field)
             for one in (text, translated)
         ]
         assert fields[0] == fields[1]
-        assert ("_" in text) == ("_" in translated)
         assert text.endswith("...") == translated.endswith("...")
 
 
-def test_the_compiled_translation_is_that_of_the_source():
-    source = (PLUG_IN / "locale" / "ko" / "LC_MESSAGES" / "toposeam_gimp.po").read_text(encoding="utf-8")
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_the_compiled_translation_is_that_of_the_source(language):
+    source = (PLUG_IN / "locale" / language / "LC_MESSAGES" / "toposeam_gimp.po").read_text(encoding="utf-8")
     pairs = re.findall(r'^msgid (".+")\nmsgstr (".+")$', source, re.MULTILINE)
-    assert len(pairs) == len(set(sources()))
+    assert {ast.literal_eval(original) for original, _ in pairs} == set(sources())
     for original, translated in pairs:
-        assert KOREAN.gettext(ast.literal_eval(original)) == ast.literal_eval(translated)
+        assert LANGUAGES[language].gettext(ast.literal_eval(original)) == ast.literal_eval(translated)
 
 
 def test_options_for_the_engine_leave_out_the_plug_ins_own():

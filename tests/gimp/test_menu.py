@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 
 import pytest
-from inside import succeeded
+from inside import STITCH, succeeded
 from running import needs_gimp
 
 import toposeam_gimp
@@ -15,7 +15,7 @@ needs_gimp()
 
 #: Submenus and entries as they stand.
 ORDER = {
-    "Layers": ("stitch", "restitch", "patch", "loop"),
+    "Layers": ("panorama", "stitch", "hints", "restitch", "patch", "loop"),
     "Textures": ("synthesize", "tile", "fill"),
     "Wallpapers": ("motif", "repeat"),
 }
@@ -27,7 +27,8 @@ def test_entries_stand_in_an_order(gimp):
     assert set(found) == set(NAMES)
     places = {}
     for name, one in found.items():
-        (places[name],) = one["paths"]
+        places[name], *also = one["paths"]
+        assert also == ([PROCEDURES[name].also] if PROCEDURES[name].also else [])
     # GIMP sorts by path; what stands in brackets is not seen.
     assert sorted(places, key=lambda name: places[name].replace("_", "")) == NAMES
     for menu, names in ORDER.items():
@@ -39,8 +40,8 @@ def test_entries_stand_in_an_order(gimp):
 #: How many layers are selected, and the entries that can be chosen then; in an image with colours.
 CHOOSABLE = {
     "none": {"motif"},
-    "one": {"restitch", "patch", "synthesize", "tile", "fill", "motif", "repeat", "loop"},
-    "two": {"stitch", "restitch", "motif", "repeat", "loop"},
+    "one": {"hints", "restitch", "patch", "synthesize", "tile", "fill", "motif", "repeat", "loop"},
+    "two": {"panorama", "stitch", "hints", "restitch", "motif", "repeat", "loop"},
 }
 
 
@@ -69,19 +70,19 @@ def test_the_result_is_selected(gimp, image, still_life):
     selected = "answer = [layer.get_id() for layer in image_of(number).get_selected_layers()]"
     group = succeeded(
         gimp.run(
-            procedure=NAMES[0],
+            procedure=STITCH,
             image=loaded["image"],
             layers=loaded["layers"],
             options={"blend": "feather"},
         )
     )["layer"]
     assert gimp.python(code=selected, number=loaded["image"]) == [group]
-    again = gimp.run(procedure=NAMES[1], image=loaded["image"], layers=[group])
+    again = gimp.run(procedure="plug-in-toposeam-restitch", image=loaded["image"], layers=[group])
     assert succeeded(again)["layer"] == group
     assert gimp.python(code=selected, number=loaded["image"]) == [group]
 
 
-@pytest.mark.parametrize("language", ["en", "ko"])
+@pytest.mark.parametrize("language", ["en", "ko", "de", "fr", "es", "ja"])
 def test_submenus_sort_as_they_should(language):
     folder = Path(toposeam_gimp.__file__).parent / "locale"
     texts = gettext.translation("toposeam_gimp", folder, [language], fallback=True)

@@ -122,7 +122,7 @@ def test_nothing_below(gimp, image, pictures):
     _, _, files = pictures
     loaded = image(files)
     ellipse(gimp, loaded, 50, 30, 140, 140)
-    refused(gimp, {**loaded, "layers": loaded["layers"][:1]}, "overlap", PATCH)
+    refused(gimp, {**loaded, "layers": loaded["layers"][:1]}, "Nothing lies below this layer", PATCH)
 
 
 def test_a_selection_beside_the_layer(gimp, image, pictures):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from inside import cli, covers_once, mask_of, refused, succeeded
+from inside import cli, covers_once, refused, shown, succeeded
 from pictures import crops, photograph
 from running import needs_gimp
 
@@ -28,7 +28,7 @@ def restitch(gimp, stitched):
 
 def masks(gimp, image):
     group = gimp.tree(image=image)["layers"][0]
-    return [mask_of(gimp, child["id"]) for child in reversed(group["children"])]
+    return shown(gimp, [child["id"] for child in reversed(group["children"])])
 
 
 def redraw(gimp, image, controls, closed=False, keep=False):
@@ -81,11 +81,10 @@ def test_a_curve_is_followed_and_short_ends_are_extended(gimp, stitched):
 
 
 def test_the_path_to_bend_is_smooth_and_has_few_anchors(gimp, stitched):
-    smooth, exact = gimp.tree(image=stitched["image"])["paths"]
-    assert smooth["name"] == "Seam Background : still_life_right.png, to bend"
-    assert exact["name"] == "Seam Background : still_life_right.png, exact"
-    few, many = (len(gimp.strokes(path=path["id"])[0]["points"]) // 6 for path in (smooth, exact))
-    assert few <= 15 < many
+    (smooth,) = gimp.tree(image=stitched["image"])["paths"]
+    assert smooth["name"] == "Seam Background : still_life_right.png"
+    assert smooth["visible"]
+    assert 2 < len(gimp.strokes(path=smooth["id"])[0]["points"]) // 6 <= 15
     selected = "answer = [path.get_id() for path in image_of(number).get_selected_paths()]"
     assert gimp.python(code=selected, number=stitched["image"]) == [smooth["id"]]
 
@@ -120,10 +119,8 @@ group.set_name("panorama")
     gimp.python(code=code, number=stitched["image"], group=stitched["group"])
     child = gimp.tree(image=stitched["image"])["layers"][2]["children"][0]["id"]
     succeeded(gimp.run(procedure=RESTITCH, image=stitched["image"], layers=[child]))
-    new = [
-        mask_of(gimp, one["id"])
-        for one in reversed(gimp.tree(image=stitched["image"])["layers"][2]["children"])
-    ]
+    children = gimp.tree(image=stitched["image"])["layers"][2]["children"]
+    new = shown(gimp, [one["id"] for one in reversed(children)])
     for old, now in zip(found, new, strict=True):
         np.testing.assert_array_equal(old, now)
 
@@ -179,7 +176,7 @@ def test_only_two_of_four_layers_change_with_a_bent_path(gimp, image, tmp_path):
     loaded = image(files, offsets=offsets)
     group = succeeded(gimp.stitch(loaded))["layer"]
     before = masks(gimp, loaded["image"])
-    paths = [path for path in gimp.tree(image=loaded["image"])["paths"] if path["name"].endswith("to bend")]
+    paths = gimp.tree(image=loaded["image"])["paths"]
     strokes = {path["id"]: gimp.strokes(path=path["id"])[0] for path in paths}
     chosen, stroke = max(strokes.items(), key=lambda entry: len(entry[1]["points"]))
     anchors = np.array(stroke["points"]).reshape(-1, 3, 2)
@@ -213,10 +210,6 @@ def test_an_empty_path(gimp, stitched):
 
 def test_a_deleted_path(gimp, stitched):
     remove = "image_of(number).remove_path(image_of(number).get_paths()[0])"
-    found = masks(gimp, stitched["image"])
-    gimp.python(code=remove, number=stitched["image"])
-    succeeded(restitch(gimp, stitched))  # the exact one is still there
-    np.testing.assert_array_equal(masks(gimp, stitched["image"])[0], found[0])
     gimp.python(code=remove, number=stitched["image"])
     refused(gimp, {**stitched, "layers": [stitched["group"]]}, "is gone", RESTITCH)
 
@@ -243,27 +236,20 @@ def test_an_imported_command_line_seam_gives_the_same_pixels(gimp, stitched, tmp
     np.testing.assert_array_equal(gimp.projection(stitched["image"], "R'G'B'A u8"), joined)
 
 
-def test_an_exported_exact_path_gives_the_same_pixels(gimp, stitched, tmp_path):
+def test_an_exported_path_gives_nearly_the_same_pixels(gimp, stitched, tmp_path):
     for side, layer in zip("ab", stitched["layers"], strict=True):
         assert gimp.export_layer(layer=layer, file=str(tmp_path / f"{side}.png"))
     code = """
 image = image_of(number)
-image.export_path_to_file(Gio.File.new_for_path(file), image.get_paths()[1])
+image.export_path_to_file(Gio.File.new_for_path(file), image.get_paths()[0])
 """
-    gimp.python(code=code, number=stitched["image"], file=str(tmp_path / "seam.svg"))
-    cli(
-        "stitch",
-        tmp_path / "a.png",
-        tmp_path / "b.png",
-        "--offset",
-        "310,0",
-        "-o",
-        tmp_path / "joined.png",
-        "--use-seam",
-        tmp_path / "seam.svg",
-    )
+    seam = tmp_path / "seam.svg"
+    gimp.python(code=code, number=stitched["image"], file=str(seam))
+    files = tmp_path / "a.png", tmp_path / "b.png"
+    cli("stitch", *files, "--offset", "310,0", "-o", tmp_path / "joined.png", "--use-seam", seam)
     joined, _ = gimp.pixels(gimp.load(files=[str(tmp_path / "joined.png")])["layers"][0], "R'G'B'A u8")
-    np.testing.assert_array_equal(gimp.projection(stitched["image"], "R'G'B'A u8"), joined)
+    differs = (gimp.projection(stitched["image"], "R'G'B'A u8") != joined).any(axis=2)
+    assert differs.sum() < 2 * 500  # the smooth path lies within 2 px of the seam of 500 px
 
 
 def test_a_path_beside_the_groups_own_is_not_ignored(gimp, stitched):
@@ -303,4 +289,4 @@ def test_a_selected_path_of_the_group_precedes_a_newer_one(gimp, stitched, tmp_p
 
 
 def test_a_layer_that_was_never_stitched(gimp, stitched):
-    refused(gimp, stitched, "Select a group that Stitch Layers has made", RESTITCH)
+    refused(gimp, stitched, "Select a group that Panorama from Layers", RESTITCH)

@@ -153,7 +153,7 @@ def test_layers_that_repeat_themselves_are_named_in_gimps_words():
     with pytest.raises(TopoSeamError, match="leave out aligning") as refused:
         align._agreed(["sky", "sea", "sand"], found | {(1, 2): (np.array([24.0, 0]), 0.9, 10.0)})
     shown = sentences.in_gimps_words(told(refused.value))
-    assert "sea and sand match where the other layers do not place them" in shown
+    assert "where these layers belong: sky and sea, sky and sand, sea and sand." in shown
     assert_gimps(shown)
 
 
@@ -178,4 +178,4 @@ def test_names_of_layers_come_through_unharmed(engine):
     names = ("a (at 1,2): the patches do not overlap", "{patches}", "sky fits none of the other pictures")
     layers = [engine.layer("any", (300 * k, 0), name) for k, name in enumerate(names)]
     shown = engine.says("stitch", {"layers": layers, "options": {}})
-    assert shown == f"“{names[1]}” does not overlap the other layers; move it onto them."
+    assert shown == f"“{names[1]}” overlaps no other layer; move it onto one."

@@ -1,7 +1,7 @@
 """Stitch Layers in a real GIMP: layers of every kind and place, and what is refused."""
 
 import numpy as np
-from inside import STILL_LIFE, covers_once, mask_of, refused, succeeded
+from inside import STILL_LIFE, covers_once, refused, shown, succeeded
 from pictures import photograph, write_png
 from running import needs_gimp
 
@@ -58,7 +58,7 @@ def test_filters_of_a_layer_are_seen(gimp, image, still_life):
     np.testing.assert_array_equal(copies[1], right)
     layers = [ts.Layer(inverted[..., :3]), ts.Layer(right[..., :3], at=(310, -6))]
     expected = ts.stitch(layers).masks[0]
-    low = mask_of(gimp, group["children"][1]["id"])
+    low, _high = shown(gimp, [child["id"] for child in reversed(group["children"])])
     np.testing.assert_array_equal(low > 0, expected[6 : 6 + low.shape[0], : low.shape[1]])
     count = "answer = len(item(number).get_filters())"
     assert [gimp.python(code=count, number=layer["id"]) for layer in originals] == [1, 1]
@@ -106,7 +106,7 @@ answer = group.get_id()
     succeeded(gimp.stitch(both))
     stitched = gimp.tree(image=loaded["image"])["layers"][0]
     assert "children" in stitched["children"][0]
-    low, high = (mask_of(gimp, child["id"]) for child in reversed(stitched["children"]))
+    low, high = shown(gimp, [child["id"] for child in reversed(stitched["children"])])
     assert covers_once(low, high, 310, 6)
 
 
@@ -138,7 +138,7 @@ mask.get_buffer().flush()
     succeeded(gimp.stitch(loaded))
     group, original, _ = gimp.tree(image=loaded["image"])["layers"]
     assert (original["pixels"], original["mask"]) == (masked["pixels"], masked["mask"])
-    low = mask_of(gimp, group["children"][1]["id"])
+    low, _high = shown(gimp, [child["id"] for child in reversed(group["children"])])
     assert (low[:, :370] == 255).all()  # what the upper layer's mask hides shows the lower one
     assert (low[:, 439] == 0).all()
 
@@ -148,11 +148,11 @@ def test_replacing_the_layers_and_merging(gimp, image, still_life):
     succeeded(gimp.stitch(loaded))
     expected = gimp.projection(loaded["image"], "R'G'B'A u8")
     again = image(still_life, offsets=STILL_LIFE)
-    result = succeeded(gimp.stitch(again, {"keep-layers": False, "merge": True, "show-seam": True}))
+    result = succeeded(gimp.stitch(again, {"keep-layers": False, "merge": True}))
     after = gimp.tree(image=again["image"])
     assert [layer["id"] for layer in after["layers"]] == [result["layer"]]
     assert "children" not in after["layers"][0]
-    assert [path["visible"] for path in after["paths"]] == [True, False]
+    assert [path["visible"] for path in after["paths"]] == [True]
     np.testing.assert_array_equal(gimp.projection(again["image"], "R'G'B'A u8"), expected)
 
 
@@ -162,7 +162,7 @@ def test_layers_that_do_not_overlap(gimp, image, still_life):
 
 def test_one_layer(gimp, image, still_life):
     loaded = image(still_life, offsets=STILL_LIFE)
-    refused(gimp, {**loaded, "layers": loaded["layers"][:1]}, "two or more layers")
+    refused(gimp, {**loaded, "layers": loaded["layers"][:1]}, "Two or more layers are needed")
 
 
 def test_an_indexed_image(gimp, image, still_life):
@@ -181,7 +181,7 @@ def test_a_selection_that_leaves_no_way(gimp, image, still_life):
         code="image_of(number).select_rectangle(Gimp.ChannelOps.REPLACE, 0, 0, 20, 20)",
         number=loaded["image"],
     )
-    refused(gimp, loaded, "The selection leaves the seam no way through")
+    refused(gimp, loaded, "leaves it no way through")
 
 
 def test_nan_pixels(gimp, image, still_life):
@@ -207,8 +207,8 @@ def test_layers_that_lie_anywhere_are_put_where_they_belong(gimp, image, tmp_pat
     assert after["size"] == [300, 200]  # grown to the right, not cropped below
     group = next(layer for layer in after["layers"] if layer["id"] == result["layer"])
     assert [child["offsets"] for child in group["children"]] == [[120, 8], [0, 0]]
-    shown = gimp.projection(loaded["image"], "R'G'B'A u8")
-    np.testing.assert_array_equal(shown[8:160, :, :3], whole[8:])
+    seen = gimp.projection(loaded["image"], "R'G'B'A u8")
+    np.testing.assert_array_equal(seen[8:160, :, :3], whole[8:])
 
 
 def test_a_turned_layer_is_turned_back(gimp, image, tmp_path):
@@ -219,15 +219,15 @@ def test_a_turned_layer_is_turned_back(gimp, image, tmp_path):
     code = "item(number).transform_rotate(0.02, True, 0, 0)"
     gimp.python(code=code, number=loaded["layers"][1])
     succeeded(gimp.stitch(loaded, {"places": "anywhere"}))
-    shown = gimp.projection(loaded["image"], "R'G'B'A u8")[10:150, 10:280, :3].astype(int)
-    assert np.abs(shown - whole[10:150, 10:280]).mean() < 0.2 * whole.std()
+    seen = gimp.projection(loaded["image"], "R'G'B'A u8")[10:150, 10:280, :3].astype(int)
+    assert np.abs(seen - whole[10:150, 10:280]).mean() < 0.2 * whole.std()
 
 
 def test_layers_that_have_nothing_in_common(gimp, image, tmp_path):
     for name, seed in (("a", 1), ("b", 2)):
         write_png(tmp_path / f"{name}.png", photograph(120, 150, seed=seed))
     loaded = image([tmp_path / "a.png", tmp_path / "b.png"])
-    refused(gimp, loaded, "shows nothing that the other layers show", options={"places": "anywhere"})
+    refused(gimp, loaded, "nothing that the other layers show", options={"places": "anywhere"})
     gimp.python(
         code="image_of(number).select_rectangle(Gimp.ChannelOps.REPLACE, 0, 0, 50, 50)",
         number=loaded["image"],

@@ -43,7 +43,7 @@ def test_an_engine_of_another_release(gimp, engine, still_life):
 
 def test_an_engine_that_talks_nonsense_and_ends(gimp, engine, still_life):
     engine(
-        """echo '{"event": "hello", "protocol": 2, "version": "0.2.0"}'; echo nonsense; echo '[]'; exit 3"""
+        """echo '{"event": "hello", "protocol": 3, "version": "0.2.0"}'; echo nonsense; echo '[]'; exit 3"""
     )
     refused(gimp, still_life, "ended unexpectedly (code 3)")
 
@@ -62,7 +62,9 @@ def long_work(gimp, image, tmp_path):
         answer = None
 
         def call(self):
-            self.answer = gimp.stitch(loaded, {"method": "thesis"})
+            self.answer = gimp.run(
+                procedure="plug-in-toposeam-panorama", image=loaded["image"], layers=loaded["layers"]
+            )
 
     work = Work()
     thread = threading.Thread(target=work.call)

@@ -103,11 +103,16 @@ def _map(term: Term, given: Mapping[str, Any]) -> str | None:
     return " or ".join(path.name for path in files) or None
 
 
+def _normal(term: Term, given: Mapping[str, Any]) -> str | None:
+    """Return the files of the normal map, or the option."""
+    return " or ".join(path.name for path in given["normal"]) or "--normal"
+
+
 _JOINED: Mapping[str, Called] = {
     "patch": _noun("picture"),
     "patches": _noun("pictures"),
 }
-_TEXTURE: Mapping[str, Called] = {"maps": _map, "exemplars": _noun("pictures")}
+_TEXTURE: Mapping[str, Called] = {"maps": _map, "normal": _normal, "exemplars": _noun("pictures")}
 _OF_IMAGE: Mapping[str, Called] = {**_TEXTURE, "exemplar": _file("image")}
 
 #: By command: its words for terms, where these are neither its options nor its arguments.

@@ -15,12 +15,10 @@ from toposeam_cli.textures.options import (
     Patches,
     Results,
     Search,
-    map_outputs,
     patch_options,
     read_one,
     result_options,
     search_options,
-    white_of,
 )
 
 
@@ -77,8 +75,9 @@ def fill(
     toposeam fill meadow.jpg --mask bin.png -o meadow_clean.png
     toposeam fill street.jpg --mask car.png --avoid faces.png -o street_clean.png
     """  # noqa: D301 - click wants the character
-    goes = results.destinations(output, map_outputs(output, search.also))
+    goes = results.destinations(output, search)
     picture, maps = read_one(image, search, results)
+    goes.check([picture], maps)
     shape = picture.pixels.shape[:2]
     hole = read_white(mask, shape, image.name, results.max_pixels)
     copied, spared = (
@@ -95,9 +94,8 @@ def fill(
             alpha=picture.alpha,
             source=copied,
             avoid=spared,
-            maps=[one.pixels for one in maps],
-            data_range=white_of(picture, *maps),
             progress=progress,
+            **maps.keywords(picture, search.weights),
             **patches.keywords(),
             **search.keywords(),
         )

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import json
 import re
-from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -23,21 +23,10 @@ from toposeam_cli.app.options import (
 from toposeam_cli.app.progress import share_bar
 from toposeam_cli.files.writing import all_or_nothing, check_output, replacing
 from toposeam_cli.media.clips.clip import Clip, check_pixels
+from toposeam_cli.media.clips.cut import Cut, Duration
 from toposeam_cli.media.clips.reading import read_clip
 from toposeam_cli.media.clips.writing import check_clip_output, folder_for, write_clip
 from toposeam_cli.media.pictures.masks import read_white
-
-
-@dataclass(frozen=True, slots=True)
-class Duration:
-    """Frames, or seconds."""
-
-    value: float
-    seconds: bool
-
-    def frames(self, rate: Fraction) -> int:
-        """Compute the number of frames at a rate."""
-        return round(self.value * rate) if self.seconds else int(self.value)
 
 
 class DurationType(click.ParamType):  # type: ignore[type-arg]
@@ -75,6 +64,15 @@ class DurationType(click.ParamType):  # type: ignore[type-arg]
     required=True,
     help="The loop: .mp4, .mov, .mkv, .webm, .gif, .webp, .png (APNG), or a folder for frames.",
 )
+@click.option("--from", "first", type=DurationType(), help="Read the clip from there on.")
+@click.option("--to", "last", type=DurationType(), help="Read the clip up to there.")
+@click.option(
+    "--scale",
+    type=FiniteRange(0, 1, min_open=True),
+    default=1.0,
+    show_default=True,
+    help="Read the clip at this share of its width and height.",
+)
 @click.option("--length", type=DurationType(ranges=True), help="How long the loop is; found by default.")
 @click.option("--start", type=DurationType(), help="Where in the clip it begins; found by default.")
 @click.option(
@@ -86,10 +84,10 @@ class DurationType(click.ParamType):  # type: ignore[type-arg]
     "--grow", type=DurationType(), help="A longer clip: at least this long, by jumps back and forth."
 )
 @click.option(
-    "--level",
-    is_flag=True,
-    help="Even out what shows of the change, of light and of soft forms: pixels then keep their values no "
-    "more, but nothing is blended.",
+    "--level/--no-level",
+    default=None,
+    help="Even out what shows of the change, of light and of soft forms, or never: pixels then keep their "
+    "values no more, but nothing is blended. By default where it would show else.",
 )
 @click.option("--still", type=FILE, help="A picture of the frames' size, white where nothing shall move.")
 @click.option("--fps", type=FiniteRange(0.01, 1000), help="Read the clip at so many frames a second.")
@@ -103,6 +101,7 @@ class DurationType(click.ParamType):  # type: ignore[type-arg]
     show_default=True,
     help="Refuse clips with more pixels in all their frames.",
 )
+@click.option("--json", "as_json", is_flag=True, help="Print what was made, and the verdict, as JSON.")
 @force_option
 @quiet_option
 def loop(clip: Path, output: Path, **given: Any) -> None:
@@ -110,11 +109,12 @@ def loop(clip: Path, output: Path, **given: Any) -> None:
 
     CLIP is a video (with PyAV), a GIF, WebP or APNG, or a folder of frames. Where it comes back best is
     found; there its end is joined to its beginning along a surface in time and space, so that every pixel
-    changes over when it shows least. Nothing is blended. With --level, what steps are left are spread evenly.
+    changes over when it shows least. Nothing is blended. Steps that would show are spread evenly. The line
+    that is printed ends with a verdict: will not be seen, or the frame to look at.
 
     \b
-    toposeam loop waves.mp4 -o waves_loop.mp4 --length 3s-5s --level
-    toposeam loop fire.webp -o fire_loop.gif --level
+    toposeam loop waves.mp4 -o waves_loop.mp4 --length 3s-5s
+    toposeam loop party.mp4 -o party.gif --from 2s --to 6s --scale 0.5
     toposeam loop falls.mp4 -o falls.webp --still rocks.png
     toposeam loop frames/ -o longer/ --grow 60s
     """  # noqa: D301 - click wants the character
@@ -124,7 +124,8 @@ def loop(clip: Path, output: Path, **given: Any) -> None:
         check_output(given["mesh"], force, (".ply", ".stl"))
     max_pixels = round(given["max_megapixels"] * 1e6)
     rate = None if given["fps"] is None else Fraction(given["fps"]).limit_denominator(1001)
-    read = read_clip(clip, rate, max_pixels)
+    cut = Cut(first=given["first"], last=given["last"], scale=given["scale"])
+    read = read_clip(clip, rate, max_pixels, cut)
     options = _options(read, given)
     if "grow" in options:
         check_pixels("the grown clip", options["grow"], read.frames.shape[1:], max_pixels)
@@ -139,12 +140,32 @@ def loop(clip: Path, output: Path, **given: Any) -> None:
                 _write_mesh(made.surfaces[0].mesh(), temporary, given["mesh"].suffix.lower())
     if read.sound and not quiet:
         click.echo(f"{clip} has sound, which is left out", err=True)
-    if not quiet:
-        count = len(made.frames)
+    if made.verdict.moved is not None and not quiet:
+        right, down = made.verdict.moved
         click.echo(
-            f"{output}: {counted(count, 'frame')} ({float(count / read.rate):.2f} s), "
-            + ", ".join(f"from {jump.leaves} to {jump.enters}" for jump in dict.fromkeys(made.jumps))
+            f"the whole picture moves in {clip}, by {right} px across and {down} px down; if the camera did, "
+            "stabilise the clip first, or take a part in which it stands still (--from, --to)",
+            err=True,
         )
+    if given["as_json"]:
+        click.echo(json.dumps(_summary(output, made, read.rate), ensure_ascii=False))
+    elif not quiet:
+        count = len(made.frames)
+        jumps = ", ".join(f"from {jump.leaves} to {jump.enters}" for jump in dict.fromkeys(made.jumps))
+        seconds = float(count / read.rate)
+        click.echo(f"{output}: {counted(count, 'frame')} ({seconds:.2f} s), {jumps}; {made.verdict}")
+
+
+def _summary(output: Path, made: ts.Loop, rate: Fraction) -> dict[str, Any]:
+    """Return what JSON says of a loop."""
+    return {
+        "output": str(output),
+        "frames": len(made.frames),
+        "seconds": round(float(len(made.frames) / rate), 3),
+        "jumps": [[jump.leaves, jump.enters] for jump in dict.fromkeys(made.jumps)],
+        "level": made.settings["level"],
+        **made.verdict.summary(),
+    }
 
 
 def _options(clip: Clip, given: dict[str, Any]) -> dict[str, Any]:

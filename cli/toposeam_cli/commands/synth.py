@@ -27,6 +27,7 @@ from toposeam_cli.app.options import (
 from toposeam_cli.app.progress import share_bar
 from toposeam_cli.media.pictures.masks import read_white
 from toposeam_cli.media.pictures.picture import Picture, check_size, read_picture, write_picture
+from toposeam_cli.textures.maps import Maps, white_of
 from toposeam_cli.textures.options import (
     Destinations,
     Patches,
@@ -34,13 +35,10 @@ from toposeam_cli.textures.options import (
     Search,
     WeightsType,
     alphas,
-    map_outputs,
     patch_options,
-    read_maps,
     read_sources,
     result_options,
     search_options,
-    white_of,
 )
 
 
@@ -114,7 +112,7 @@ _GUIDE = (
     type=click.Choice(ts.TURNS),
     default="none",
     show_default=True,
-    help="Also take patches mirrored left to right, turned by quarters, or both; not for normals.",
+    help="Also take patches mirrored left to right, turned by quarters, or both; not with --normal.",
 )
 @click.option(
     "--variation",
@@ -190,7 +188,7 @@ def synth(
 
     \b
     toposeam synth moss.png --size 2048x1024 --tileable both -o moss_large.png
-    toposeam synth wall.png --also wall_normal.png --size 1024 -o large.png
+    toposeam synth wall.png --normal wall_normal.png --size 1024 -o large.png
     """  # noqa: D301 - click wants the character
     if (size is None) == (use_coordinates is None):
         raise ts.OptionError(
@@ -208,13 +206,14 @@ def synth(
     count = len(sources)
     if not isinstance(size, AutoSize):
         check_size(output, *size)
-    goes = results.destinations(output, map_outputs(output, search.also[::count]), preview)
+    goes = results.destinations(output, search, preview, count)
     if source and len(source) != count:
         raise ts.OptionError(
             f"--from was given {len(source)} times for {count} sources; give one for each, in their order"
         )
     pictures = read_sources(sources, results.max_megapixels)
-    maps = read_maps(search.also, count, results.max_megapixels)
+    maps = Maps.read(search.also, search.normal, count, results.max_pixels)
+    goes.check(pictures, maps)
     shapes = [picture.pixels.shape[:2] for picture in pictures]
     copied = [
         read_white(path, shape, name.name, results.max_pixels)
@@ -241,16 +240,15 @@ def synth(
             preview=show,
             flatten=flatten,
             level=level,
-            maps=[[one.pixels for one in given] for given in maps],
-            data_range=white_of(pictures[0], *(given[0] for given in maps)),
             max_megapixels=results.max_megapixels,
             processes=processes,
             progress=progress,
+            **maps.keywords(pictures[0], search.weights),
             **guided.read(results.max_pixels),
             **patches.keywords(),
             **search.keywords(variation is not None),
         )
-    dataclasses.replace(goes, preview=None).write(made, pictures[0], [given[0] for given in maps])
+    dataclasses.replace(goes, preview=None).write(made, pictures[0], maps)
     if not results.quiet:
         click.echo(
             f"{output}: {size[0]} × {size[1]} px, {counted(made.count, 'patch')} of {made.patch[1]} × "
@@ -302,7 +300,7 @@ def _closing_size(
         alpha=pictures[0].alpha,
         source_mask=copied[0] if copied else None,
         transparent=transparent,
-        data_range=white_of(pictures[0])[0],
+        data_range=white_of(pictures[0]),
     )
     return found[1], found[0]
 

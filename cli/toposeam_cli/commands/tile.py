@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from functools import partial
 from pathlib import Path
 
 import click
@@ -12,14 +13,13 @@ from toposeam.sentence import counted
 from toposeam_cli.app.options import FILE, OUTPUT
 from toposeam_cli.app.progress import share_bar
 from toposeam_cli.media.pictures.picture import Picture
+from toposeam_cli.textures.maps import white_of
 from toposeam_cli.textures.options import (
     Results,
     Search,
-    map_outputs,
     read_one,
     result_options,
     search_options,
-    white_of,
 )
 
 
@@ -64,20 +64,20 @@ def tile(
     toposeam tile moss.jpg -o moss_tile.png --preview moss_3x3.png
     toposeam tile frieze.png --tileable x -o frieze_tile.png
     """  # noqa: D301 - click wants the character
-    goes = results.destinations(output, map_outputs(output, search.also), preview)
+    goes = results.destinations(output, search, preview)
     picture, maps = read_one(image, search, results)
+    goes.check([picture], maps)
     fits = None if size is None else _closing_size(picture, tileable)
     if fits is not None:
-        picture, *maps = (_cropped(one, fits) for one in (picture, *maps))
+        picture, maps = _cropped(picture, fits), maps.changed(partial(_cropped, size=fits))
     with share_bar(f"closing {image.name}", results.quiet) as progress:
         made = ts.make_tileable(
             picture.pixels,
             band=band,
             tileable=tileable,
             alpha=picture.alpha,
-            maps=[one.pixels for one in maps],
-            data_range=white_of(picture, *maps),
             progress=progress,
+            **maps.keywords(picture, search.weights),
             **search.keywords(),
         )
     goes.write(made, picture, maps)
@@ -103,7 +103,7 @@ def _closing_size(picture: Picture, tileable: ts.Tileable) -> tuple[int, int]:
         tileable=tileable,
         within=True,
         alpha=picture.alpha,
-        data_range=white_of(picture)[0],
+        data_range=white_of(picture),
     )
 
 

@@ -27,7 +27,14 @@ from toposeam_cli.app.options import (
     refuse_besides,
 )
 from toposeam_cli.files.writing import all_or_nothing, atomic_write, check_output
-from toposeam_cli.media.pictures.picture import Picture, match_pictures, read_picture, write_picture
+from toposeam_cli.media.pictures.picture import (
+    Picture,
+    check_values,
+    match_pictures,
+    read_picture,
+    write_picture,
+)
+from toposeam_cli.textures.maps import Maps, map_outputs
 
 
 class PatchType(click.ParamType):  # type: ignore[type-arg]
@@ -89,6 +96,7 @@ class Search:
     """Options of the choice, cutting and mixing of patches."""
 
     also: tuple[Path, ...]
+    normal: tuple[Path, ...]
     weights: tuple[float, ...] | None
     seed: int
     smooth: int
@@ -108,14 +116,12 @@ class Search:
             every = {str(option.name) for option in click.get_current_context().command.params}
             refuse_besides("--variation", every - set(lay[:2] + lay[3:5]), "it stands for that as well")
             return {
-                "weights": self.weights,
                 "seed": self.seed,
                 "smooth": self.smooth,
                 "context": self.context,
                 "method": self.method,
             }
         return {
-            "weights": self.weights,
             "seed": self.seed,
             "smooth": self.smooth,
             "options": ts.LayOptions(**{name: getattr(self, name) for name in lay}),
@@ -134,12 +140,12 @@ class Results:
     quiet: bool
 
     def destinations(
-        self, output: Path, maps: tuple[Path, ...] = (), preview: Path | None = None
+        self, output: Path, search: Search, preview: Path | None = None, count: int = 1
     ) -> Destinations:
-        """Return the destinations of all files, checked."""
+        """Return the destinations of all files, checked; `count` is the number of samples."""
         return Destinations(
             output=output,
-            maps=maps,
+            maps=map_outputs(output, search.also, search.normal, count),
             seams=self.seams,
             labels=self.labels,
             coordinates=self.coordinates,
@@ -171,13 +177,19 @@ _SEARCH: tuple[Callable[[Any], Any], ...] = (
         "--also",
         type=FILE,
         multiple=True,
-        help="A further map of the same size (normals, roughness …), cut alike into OUTPUT_NAME; may be "
-        "repeated.",
+        help="A further map of the same size (height, roughness, numbers of materials …), cut alike into "
+        "OUTPUT_NAME in its own format; its values are never mixed. May be repeated.",
+    ),
+    click.option(
+        "--normal",
+        type=FILE,
+        multiple=True,
+        help="A normal map of the same size, cut alike into OUTPUT_NAME, its vectors of length 1.",
     ),
     click.option(
         "--weights",
         type=WeightsType(),
-        help="How much the picture and each map count in the search; 1 each by default.",
+        help="How much the picture, each map and the normals count in the search; 1 each by default.",
     ),
     click.option(
         "--seed",
@@ -191,7 +203,7 @@ _SEARCH: tuple[Callable[[Any], Any], ...] = (
         type=click.IntRange(0, 8),
         default=1,
         show_default=True,
-        help="Mix patches over this many px beside seams.",
+        help="Mix patches over this many px beside seams, in colours and normals.",
     ),
     click.option(
         "--tolerance",
@@ -291,8 +303,19 @@ class Destinations:
         if len({path.resolve() for path in pictures}) < len(pictures):
             raise ts.OptionError("two outputs have the same name; give each a name of its own")
 
+    def check(self, pictures: Sequence[Picture], maps: Maps) -> None:
+        """Refuse, before any work is spent on it, what the formats of the outputs cannot hold.
+
+        Raises
+        ------
+        ImageError
+        """
+        for path, owners in zip((self.output, *self.maps), (pictures, *maps.pictures), strict=True):
+            for picture in owners:
+                check_values(path, picture)
+
     @all_or_nothing()
-    def write(self, made: ts.Synthesis, picture: Picture, maps: Sequence[Picture]) -> None:
+    def write(self, made: ts.Synthesis, picture: Picture, maps: Maps) -> None:
         """Write everything that was asked for, or nothing.
 
         Parameters
@@ -300,15 +323,15 @@ class Destinations:
         made : Synthesis
         picture : Picture
             Whose profile and resolution the result takes.
-        maps : sequence of Picture
-            Likewise, per further map.
+        maps : Maps
+            Likewise.
         """
         document = None if self.seams is None else made.to_svg()
         write_picture(
             self.output, dataclasses.replace(picture, pixels=made.image, alpha=made.alpha), self.force
         )
-        for path, values, owner in zip(self.maps, made.maps, maps, strict=True):
-            write_picture(path, dataclasses.replace(owner, pixels=values, alpha=None), self.force)
+        for path, one in zip(self.maps, maps.made(made), strict=True):
+            write_picture(path, one, self.force)
         if self.seams is not None and document is not None:
             atomic_write(self.seams, document, self.force)
         if self.labels is not None:
@@ -326,30 +349,9 @@ def coordinate_picture(made: ts.Synthesis) -> npt.NDArray[np.uint16]:
     return np.concatenate([made.source[..., ::-1], made.exemplar[..., np.newaxis]], axis=2).astype(np.uint16)
 
 
-def map_outputs(output: Path, also: Sequence[Path]) -> tuple[Path, ...]:
-    """Return the paths of further maps: beside the output, the map's own name appended to the output's."""
-    return tuple(output.with_name(f"{output.stem}_{path.stem}{output.suffix}") for path in also)
-
-
 def read_sources(paths: Sequence[Path], max_megapixels: float) -> list[Picture]:
     """Return exemplars of one depth and colour space."""
     return match_pictures([read_picture(path, max_pixels=round(max_megapixels * 1e6)) for path in paths])
-
-
-def read_maps(also: Sequence[Path], count: int, max_megapixels: float) -> list[list[Picture]]:
-    """Further maps, each a list with one picture per exemplar.
-
-    Raises
-    ------
-    OptionError
-        When there are not as many of them as exemplars, or a multiple.
-    """
-    if len(also) % count:
-        raise ts.OptionError(
-            f"--also was given {len(also)} times for {count} sources; give each map once for every source, "
-            "in their order"
-        )
-    return [read_sources(also[first : first + count], max_megapixels) for first in range(0, len(also), count)]
 
 
 def alphas(pictures: Sequence[Picture]) -> list[Any] | None:
@@ -361,12 +363,7 @@ def alphas(pictures: Sequence[Picture]) -> list[Any] | None:
     )
 
 
-def read_one(image: Path, search: Search, results: Results) -> tuple[Picture, list[Picture]]:
+def read_one(image: Path, search: Search, results: Results) -> tuple[Picture, Maps]:
     """Return one picture and its further maps."""
-    maps = read_maps(search.also, 1, results.max_megapixels)
-    return read_sources([image], results.max_megapixels)[0], [given[0] for given in maps]
-
-
-def white_of(*pictures: Picture) -> list[float | None]:
-    """Return the white level of each map: 1 in files of floats, whose lights may go beyond it."""
-    return [1.0 if np.issubdtype(one.pixels.dtype, np.floating) else None for one in pictures]
+    maps = Maps.read(search.also, search.normal, 1, results.max_pixels)
+    return read_sources([image], results.max_megapixels)[0], maps

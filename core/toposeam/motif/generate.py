@@ -25,6 +25,7 @@ from toposeam.errors import OptionError, Term
 from toposeam.heat.threads import one_thread
 from toposeam.motif.border_smoothing import calmed
 from toposeam.motif.ink.palettes import PALETTES, Palette, palette
+from toposeam.motif.ink.stroke_repair import mended
 from toposeam.motif.motif import Motif
 from toposeam.motif.optimise.conduction import nominal_conductivity
 from toposeam.motif.optimise.hexagonal_lattice import tile_size, to_tile
@@ -126,7 +127,7 @@ def generate_motif(
 
         with one_thread():
             density, steps = optimise_layer(layer, recipe, report)
-        densities.append(density)
+        densities.append(mended(density, recipe.repeat, layer.mass) if recipe.filter_radius else density)
         history.append(steps)
     return calmed(densities, recipe, lambda layers: make_motif(recipe, layers, history))
 

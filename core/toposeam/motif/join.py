@@ -30,6 +30,7 @@ from toposeam.errors import OptionError, Term
 from toposeam.motif.arrange import arrange
 from toposeam.motif.border_smoothing import calmed_row
 from toposeam.motif.generate import make_motif
+from toposeam.motif.ink.stroke_repair import mended
 from toposeam.motif.motif import Motif
 from toposeam.motif.optimise.compound import JoinOptions, Member, generate_row
 from toposeam.motif.optimise.layer import plan
@@ -232,7 +233,11 @@ def _without_lines(
     found = []
     for member in row:
         assert member.densities is not None  # noqa: S101
-        found.append(member.densities[layer].astype(np.float64))
+        density, recipe, alone = member.densities[layer], member.recipe, weight == 0 and shared == 0
+        if recipe.filter_radius:
+            kept = 0 if alone else max(shared, 1)
+            density = mended(density, recipe.repeat, recipe.layers[layer].mass, kept)
+        found.append(density.astype(np.float64))
     if weight == 0 and shared == 0:
         return [one.astype(np.float32) for one in found]
     first = row[0].recipe

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from toposeam.images import box_of, full_scale
 from toposeam.texture.canvas.index_canvas import IndexCanvas
-from toposeam.texture.canvas.rendering import Lift, near_seams, render, render_seen
+from toposeam.texture.canvas.rendering import Lift, near_seams, render, render_normals, render_seen
 from toposeam.texture.canvas.synthesis import Synthesis
 from toposeam.texture.exemplar.atlas import Atlas, Ints32
 from toposeam.texture.exemplar.sources import Sources
@@ -27,16 +27,24 @@ def finish(
     lift: Callable[[int], Lift] | None = None,
     windows: Sequence[tuple[int, int, tuple[int, int]]] | None = None,
 ) -> Synthesis:
-    """Render every map from what the canvas shows; the first one, the picture, may be given light, channel by
-    channel. Of a picture that was given only what changed is drawn anew, in the box round it or in windows.
+    """Render every map from what the canvas shows: copies are mixed at seams in the picture, its opacity and
+    normals; further maps, whose values may be heights or numbers of things, keep them. The picture may be
+    given light, channel by channel. Of a picture that was given only what changed is drawn anew, in the box
+    round it or in windows.
     """
     made: list[npt.NDArray[Any]] = []
+    normals = len(sources.planes) - 1 - sources.has_alpha if sources.has_normal else 0
+    maps = range(1, normals or len(sources.planes) - sources.has_alpha)
     for images, gray in zip(sources.planes, sources.gray, strict=True):
         plane = atlas.spread(images)
 
         def drawn(
             index: Ints32, wrap: tuple[bool, bool], plane: npt.NDArray[Any] = plane
         ) -> npt.NDArray[Any]:
+            if len(made) in maps:
+                return render(index, plane, atlas.usable, wrap, 0)
+            if normals and len(made) == normals:
+                return render_normals(index, plane, atlas.usable, wrap, smooth)
             if sources.transparent and sources.has_alpha and len(made) + 1 < len(sources.planes):
                 opacity = atlas.spread(sources.planes[-1])
                 return render_seen(index, plane, opacity, atlas.usable, wrap, smooth)
@@ -66,12 +74,14 @@ def finish(
                 picture[rows[y, 0], columns[0, x]] = part[y, x]
         made.append(picture[..., 0] if gray else picture)
     alpha = made.pop() if sources.has_alpha else None
+    normal = made.pop() if sources.has_normal else None
     if alpha is None and canvas.ground is not None:
         alpha = canvas.ground * full_scale(made[0].dtype)
     return Synthesis(
         image=made[0],
         alpha=alpha,
         maps=tuple(made[1:]),
+        normal=normal,
         labels=canvas.copy_labels(),
         index=canvas.index,
         wraps=canvas.wrap,

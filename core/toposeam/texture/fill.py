@@ -66,6 +66,7 @@ def fill(
     source: npt.ArrayLike | None = None,
     avoid: npt.ArrayLike | None = None,
     maps: Sequence[Images] = (),
+    normal: npt.ArrayLike | None = None,
     weights: Sequence[float] | None = None,
     data_range: DataRange = None,
     smooth: int = 1,
@@ -105,7 +106,7 @@ def fill(
     level : bool
         Whether shifted copies are levelled; for pictures whose values are no colours it should be False. Maps
         never are.
-    maps, weights, data_range, smooth, progress, options
+    maps, normal, weights, data_range, smooth, progress, options
         As for :func:`toposeam.synthesize`; of the options only `method` matters to shifts.
 
     Returns
@@ -137,6 +138,7 @@ def fill(
         smooth=smooth,
         alpha=alpha,
         maps=maps,
+        normal=normal,
         weights=weights,
         data_range=data_range,
     )

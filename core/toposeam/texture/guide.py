@@ -13,6 +13,9 @@ from toposeam.texture.exemplar.atlas import Atlas
 from toposeam.texture.exemplar.sources import Images, Sources, as_list
 from toposeam.texture.exemplar.turns import Turns, count_of, turned
 
+#: Share of a guide's variance that may lie within patches, and the smallest patch chosen for that.
+_CHANGES, _FINEST = 0.1, 12
+
 
 def guide_of(
     guide: npt.ArrayLike | None,
@@ -81,6 +84,25 @@ def guide_of(
     plane = atlas.spread(turned(stands, turns))
     plane[~atlas.usable] = 0
     return Guide(source=plane, target=target, weight=weight)
+
+
+def patch_within(guide: Guide, patch: int) -> int:
+    """Return the largest patch, up to a size, within which a guide hardly changes: larger ones cannot follow
+    what is drawn.
+    """
+    whole = float(guide.target.var(axis=(0, 1)).sum())
+    side = patch
+    while side > _FINEST and _within(guide.target, side) > _CHANGES * whole:
+        side = max(_FINEST, round(0.8 * side))
+    return min(side, patch)
+
+
+def _within(target: npt.NDArray[np.float32], side: int) -> float:
+    """Compute the variance within squares, in the mean."""
+    side = min(side, *target.shape[:2])
+    rows, columns = (length // side for length in target.shape[:2])
+    squares = target[: rows * side, : columns * side].reshape(rows, side, columns, side, -1)
+    return float(squares.var(axis=(1, 3)).sum(axis=2).mean())
 
 
 def _terms(image: npt.ArrayLike, name: str) -> npt.NDArray[np.float32]:

@@ -30,7 +30,7 @@ from toposeam.texture.exemplar.mirror_narrow import widened
 from toposeam.texture.exemplar.scale import SMALLEST_PATCH, patch_for
 from toposeam.texture.exemplar.sources import DataRange, Images, Sources, check_varied
 from toposeam.texture.exemplar.turns import TURNS, Turns, count_of, turned_sources
-from toposeam.texture.guide import guide_of
+from toposeam.texture.guide import guide_of, patch_within
 from toposeam.texture.light.seam_easing import EasedLight, Level, level_for
 from toposeam.texture.light.slow_light import CopyLight, flattened, levelled_copies, without_light
 from toposeam.texture.periodicity.period import STRETCH, find_order
@@ -59,6 +59,7 @@ def synthesize(
     transparent: bool = False,
     source_mask: Images | None = None,
     maps: Sequence[Images] = (),
+    normal: Images | None = None,
     weights: Sequence[float] | None = None,
     shares: Sequence[float] | None = None,
     data_range: DataRange = None,
@@ -87,8 +88,8 @@ def synthesize(
     size : int or (int, int)
         Height and width of the texture, px.
     patch : int, optional
-        Side of a patch, px; by default by the size of the texture's elements (:func:`natural_patch`). Cut to
-        the texture where that is smaller.
+        Side of a patch, px; by default by the size of the texture's elements (:func:`natural_patch`), with a
+        guide smaller if that changes within. Cut to the texture where that is smaller.
     overlap : int or float, optional
         How far neighbouring patches overlap, px, or below 1 as a share of the patch; by default a quarter.
     seed : int, Generator or None
@@ -98,8 +99,8 @@ def synthesize(
         that shows little (:mod:`toposeam.texture.tile_origin`).
     turns : {"none", "mirror", "quarters", "all"}
         Whether patches are also taken from the exemplars mirrored left to right, turned by quarters, or both:
-        for gravel and leaves, which have no upper side. The light turns with them; values do not, so that
-        normals come out wrong. :attr:`Synthesis.exemplar` counts every position as an exemplar.
+        for gravel and leaves, which have no upper side. The light turns with them; values do not, so that it
+        cannot be combined with `normal`. :attr:`Synthesis.exemplar` counts every position as an exemplar.
     variation : float, optional
         From 0, where every patch fits as well as any can, whatever that repeats, to 1, where all of the
         sample shows about equally often, whatever that costs at the seams; the usual choice is 0.5. Stands
@@ -111,16 +112,20 @@ def synthesize(
         Whether opacity is part of the texture, as of lace or scattered leaves: places without any are copied
         and compared like others.
     maps : sequence
-        Further maps of the same exemplars (normals, roughness …), each an array or a list with one per
-        exemplar.
+        Further maps of the same exemplars (heights, roughness, numbers of materials …), each an array or a
+        list with one per exemplar; their values are never mixed.
+    normal : (H, W, 3) array_like, or a list with one per exemplar
+        A normal map: unit vectors, (v + 1) / 2 as a share of white, or in floats below 0 as they are. Where
+        patches are mixed, vectors have length 1 again.
     weights : sequence of float, optional
-        How much the picture and each map count in the search and in the seams; 1 each by default.
+        How much the picture, each map and the normals count in the search and in the seams; 1 each by
+        default.
     shares : sequence of float, optional
         On how much of the texture each exemplar is to show against the others, nearly; by default wherever
         it fits best.
     data_range : float, or sequence of float or None, optional
-        The value that counts as white in the picture, or in the picture and each map: needed for integers
-        other than uint8 and uint16, and for floats beyond ±2.
+        The value that counts as white in the picture, or in the picture, each map and the normals: needed for
+        integers other than uint8 and uint16, and for floats beyond ±2.
     guide, guide_source : array_like
         What is wanted, on the texture's canvas, and what the exemplars' pixels stand for, in the same terms:
         (H, W) or (H, W, G) each. Each patch is then also chosen for how well its piece of `guide_source`
@@ -128,7 +133,8 @@ def synthesize(
     guide_weight : float
         Share of the guide in that choice, in [0, 1].
     smooth : int
-        px to either side of a seam in which neighbouring patches are mixed; 0 for hard cuts.
+        px to either side of a seam in which neighbouring patches are mixed, in the picture and its normals; 0
+        for hard cuts.
     flatten : bool
         Take slow light out of the exemplars first (:func:`toposeam.flatten_light`); not out of maps.
     level : bool or "steps", optional
@@ -180,24 +186,34 @@ def synthesize(
         smooth=smooth,
         alpha=widened(alpha),
         maps=widened(check_items("maps", maps, object, "a sequence of images, one a map")),
+        normal=widened(normal),
         weights=weights,
         data_range=data_range,
         tileable=tileable,
         variation=variation,
     )
     check_choice("turns", turns, TURNS)
+    if normal is not None and turns != "none":
+        raise OptionError(
+            "turned patches have normals that point elsewhere; leave out {turns}, or {normal}",
+            kind="conflict",
+            parameter=Term("turns"),
+        )
     read, level = _exemplars(
         request, widened(source), widened(source_mask), flatten, level, transparent, guided=guide is not None
     )
     parts, chosen, wraps = _shares(shares, len(read.shapes)), request.options, request.wraps
     sources = turned_sources(read, turns)
-    side, overlap = check_patch(sources, patch, overlap)
+    side, lap = check_patch(sources, patch, overlap)
     atlas = Atlas.of(sources.present, chosen.context, sources.usable)
     if level is True:
         even = tuple(map(without_light, sources.features, sources.present, sources.usable))
         sources = dataclasses.replace(sources, features=even)
     features = atlas.spread(sources.features)
     wanted = guide_of(guide, widened(guide_source), guide_weight, atlas, sources, (height, width), turns)
+    if wanted is not None and patch is None and guide_weight:
+        side, lap = check_patch(sources, patch_within(wanted, side), overlap)
+    overlap = lap
     ordered = wanted is None and chosen.close
     phase, fits = _phase(sources, (height, width), wraps, atlas.factor) if ordered else (None, None)
     canvas = IndexCanvas((height, width), wraps, atlas.usable.size)

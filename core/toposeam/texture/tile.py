@@ -29,6 +29,7 @@ def make_tileable(
     tileable: Tileable = "both",
     alpha: npt.ArrayLike | None = None,
     maps: Sequence[Images] = (),
+    normal: npt.ArrayLike | None = None,
     weights: Sequence[float] | None = None,
     data_range: DataRange = None,
     smooth: int = 1,
@@ -53,7 +54,7 @@ def make_tileable(
         The same seed gives the same bytes; the result keeps it.
     tileable : {"both", "x", "y"} or True
         Which borders are to match: left and right ("x"), upper and lower ("y"), or all.
-    alpha, maps, weights, data_range, smooth, progress, options
+    alpha, maps, normal, weights, data_range, smooth, progress, options
         As for :func:`toposeam.synthesize`.
 
     Returns
@@ -83,6 +84,7 @@ def make_tileable(
         smooth=smooth,
         alpha=alpha,
         maps=maps,
+        normal=normal,
         weights=weights,
         data_range=data_range,
         tileable=tileable,
@@ -186,7 +188,8 @@ def _borders(size: tuple[int, int], wraps: tuple[bool, bool], reach: int) -> Mas
 
 def _steps(request: TextureRequest, image: npt.ArrayLike) -> list[Mask]:
     """Find where along the border of each axis the first pixels do not continue the last ones: (n,) bool."""
-    planes = [as_array(image), *(as_array(as_list(one, 1, "map")[0], "map") for one in request.maps)]
+    maps = request.maps if request.normal is None else (*request.maps, request.normal)
+    planes = [as_array(image), *(as_array(as_list(one, 1, "map")[0], "map") for one in maps)]
     white = [one or full_scale(plane.dtype) for one, plane in zip(request.white, planes, strict=True)]
     if request.alpha is not None:
         planes, white = [*planes, as_array(request.alpha, "alpha")], [*white, full_scale(planes[0].dtype)]

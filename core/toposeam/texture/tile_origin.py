@@ -48,6 +48,7 @@ def begun(made: Synthesis) -> Synthesis:
         image=moved(made.image),
         alpha=None if made.alpha is None else moved(made.alpha),
         maps=tuple(map(moved, made.maps)),
+        normal=None if made.normal is None else moved(made.normal),
         labels=moved(made.labels),
         index=moved(made.index),
     )

@@ -22,12 +22,16 @@ from toposeam.vector.polyline import Floats, Ints, Polyline, check_length
 TOLERANCES_PX: tuple[float, ...] = (2.0, 2.25, 2.5)
 #: A curve on so many px of the line's extent is few enough.
 FEW_PX = 40.0
+#: Where the first tolerance gives so many times as many, only the last one is tried.
+_FAR_MORE = 1.25
 
 _REFITS = 6
 #: What least squares leaves too far is levelled out so often, by weights (Lawson 1961), unless hopeless.
 _LEVELLINGS = 20
 _HOPELESS = 1.7
 _FIRST_STRETCH = 16  # px along the line
+#: The end of a stretch is found to this share of its length.
+_SHARE = 16
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -119,10 +123,13 @@ def smooth_path(line: Polyline, tolerance: float | None = None) -> SmoothPath:
     check_length(line.outline)
     dense = _dense(line.outline)
     few = max(float(np.ptp(dense, axis=0).max()) / FEW_PX, 1)
-    for allowed in tolerances:
-        curves, along = _fit(dense, allowed, line.closed)
+    waiting = list(tolerances)
+    while waiting:
+        curves, along = _fit(dense, waiting.pop(0), line.closed)
         if len(curves) <= few:
             break
+        if len(curves) > _FAR_MORE * few:
+            waiting = waiting[-1:]
     return SmoothPath(np.array(curves), np.array(along), line.closed, dense)
 
 
@@ -147,7 +154,7 @@ def _fit(dense: Floats, tolerance: float, closed: bool) -> tuple[list[Floats], l
         limit = min(last, last // 2 + 1) if closed and not curves else last
         end, reach, beyond = start + 1, _FIRST_STRETCH, None
         found = _curve(dense[start : end + 1], tolerance)[0]  # one step is a straight line, which always fits
-        while end < limit and (beyond is None or beyond - end > 1):
+        while end < limit and (beyond is None or beyond - end > max(1, (end - start) // _SHARE)):
             tried = min(start + reach, limit) if beyond is None else (end + beyond) // 2
             curve, miss = _curve(dense[start : tried + 1], tolerance)
             if miss <= tolerance:

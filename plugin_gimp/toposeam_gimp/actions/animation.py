@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from gi.repository import Gimp
 
-from toposeam_gimp.engine import process as engine
 from toposeam_gimp.engine.call import Call
 from toposeam_gimp.engine.folder import RequestFolder
 from toposeam_gimp.image import pixels
@@ -31,7 +31,7 @@ def loop(call: Call) -> Gimp.Layer:
             pixels.send_whole(folder, image, frame, f"frame-{index}") for index, frame in enumerate(frames)
         ]
         request = {"operation": "loop", "layers": rasters, "options": call.for_engine}
-        answer = engine.ask(folder, request, Gimp.progress_update)
+        answer = call.ask(folder, request)
         made = Gimp.Image.new_with_precision(*size, image.get_base_type(), image.get_precision())
         profile = image.get_color_profile()
         if profile is not None:
@@ -70,7 +70,7 @@ def frames_of(image: Gimp.Image) -> list[Gimp.Layer]:
     return frames
 
 
-def check_clip(image: Gimp.Image, _drawables: Sequence[Gimp.Drawable]) -> None:
+def check_clip(image: Gimp.Image, _drawables: Sequence[Gimp.Drawable], _options: Mapping[str, Any]) -> None:
     """Refuse what is no clip."""
     frames_of(image)
 

@@ -48,11 +48,20 @@ def picture_below(
                 level = last.get_children() if last.is_group() else []
             last.set_visible(False)
         scratch.crop(right - left, bottom - top, left, top)
-        seen = Gimp.Layer.new_from_visible(scratch, scratch, _("what is below"))
+        seen = Gimp.Layer.new_from_visible(scratch, scratch, _("picture below"))
+        check_something(seen)
         raster = pixels.send_whole(folder, image, seen, "below")
     finally:
         scratch.delete()
     return {**raster, "at": [left, top]}
+
+
+def check_something(seen: Gimp.Layer, box: pixels.Box | None = None) -> None:
+    """Refuse a picture below that shows nothing, at all or within a box."""
+    if not pixels.shows(seen, box):
+        raise RefusedError(
+            _("Nothing lies below this layer; put it above the picture that it shall be laid on.")
+        )
 
 
 def _way_to(image: Gimp.Image, layer: Gimp.Layer) -> list[int]:

@@ -5,12 +5,11 @@ stay editable.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from gi.repository import Babl, Gegl, Gimp
 
-from toposeam_gimp.engine import process as engine
 from toposeam_gimp.engine.call import Call
 from toposeam_gimp.engine.folder import RequestFolder
 from toposeam_gimp.image import pixels
@@ -37,7 +36,7 @@ def generate(call: Call) -> Gimp.Layer:
             (layer,) = chosen_layers(call.image, call.drawables)
             base = pixels.send_layer(folder, call.image, layer, "base")
         request = {"operation": "motif", "layer": base, "options": call.for_engine}
-        answer = engine.ask(folder, request, Gimp.progress_update)
+        answer = call.ask(folder, request)
         colours = [Gegl.Color.new(ink) for ink in answer["inks"]]
         memory = {"repeat": answer["recipe"]["repeat"], "recipe": answer["recipe"]}
         return _image_of(call, folder, answer["densities"], colours, Gegl.Color.new(answer["paper"]), memory)
@@ -52,7 +51,7 @@ def repeat(call: Call) -> Gimp.Layer:
     with RequestFolder(needed=needed) as folder:
         densities = [pixels.send_density(folder, ink, f"ink-{index}") for index, ink in enumerate(inks)]
         request = {"operation": "repeat", "densities": densities, "repeat": memory["repeat"]}
-        answer = engine.ask(folder, {**request, "options": call.for_engine}, Gimp.progress_update)
+        answer = call.ask(folder, {**request, "options": call.for_engine})
         colours, paper = [_colour(ink) for ink in inks], _colour(group.get_children()[-1])
         if call.options["palette"] != "own":
             colours = [Gegl.Color.new(ink) for ink in answer["inks"]]
@@ -77,6 +76,11 @@ def colours_of(group: Gimp.GroupLayer) -> dict[str, Any]:
         "inks": [_hexadecimal(_colour(ink)) for ink in inks_of(group)],
         "paper": _hexadecimal(_colour(group.get_children()[-1])),
     }
+
+
+def check_motif(image: Gimp.Image, drawables: Sequence[Gimp.Drawable], _options: Mapping[str, Any]) -> None:
+    """Refuse an image without a motif."""
+    motif_of(image, drawables)
 
 
 def motif_of(image: Gimp.Image, drawables: Sequence[Gimp.Drawable]) -> tuple[Gimp.GroupLayer, dict[str, Any]]:

@@ -9,7 +9,6 @@ from typing import Any
 
 from gi.repository import Gimp
 
-from toposeam_gimp.engine import process as engine
 from toposeam_gimp.engine.call import Call
 from toposeam_gimp.engine.folder import RequestFolder
 from toposeam_gimp.image import pixels
@@ -23,7 +22,7 @@ def synthesize(call: Call) -> Gimp.Layer:
     made = call.options["width"] * call.options["height"] * 16
     with RequestFolder(needed=pixels.size_of(call.image, layer) + made) as folder:
         request = _sample(call, folder, layer)
-        picture = engine.ask(folder, {"operation": "synthesize", **request}, Gimp.progress_update)["picture"]
+        picture = call.ask(folder, {"operation": "synthesize", **request})["picture"]
         name = _("Texture of {name}").format(name=layer.get_name())
         if call.options["destination"] == "layer":
             return _add(call, folder, layer, {**picture, "at": [0, 0]}, name)
@@ -43,7 +42,7 @@ def synthesize(call: Call) -> Gimp.Layer:
     return result
 
 
-def check_tile(image: Gimp.Image, drawables: Sequence[Gimp.Drawable]) -> None:
+def check_tile(image: Gimp.Image, drawables: Sequence[Gimp.Drawable], _options: Mapping[str, Any]) -> None:
     """Refuse selections that cannot be laid side by side."""
     chosen_layers(image, drawables)
     selected_rectangle(image)
@@ -54,28 +53,31 @@ def make_tileable(call: Call) -> Gimp.Layer:
     (layer,) = chosen_layers(call.image, call.drawables)
     with RequestFolder(needed=2 * pixels.size_of(call.image, layer)) as folder:
         request = _sample(call, folder, layer, rectangle=True)
-        picture = engine.ask(folder, {"operation": "make_tileable", **request}, Gimp.progress_update)[
-            "picture"
-        ]
+        picture = call.ask(folder, {"operation": "make_tileable", **request})["picture"]
         name = _("Seamless {name}").format(name=layer.get_name())
         return _add(call, folder, layer, {**picture, "at": request["layer"]["at"]}, name)
 
 
-def check_fill(image: Gimp.Image, drawables: Sequence[Gimp.Drawable]) -> None:
-    """Refuse to fill nothing."""
-    chosen_layers(image, drawables)
+def check_fill(image: Gimp.Image, drawables: Sequence[Gimp.Drawable], options: Mapping[str, Any]) -> None:
+    """Refuse to fill nothing, or from nothing."""
+    (layer,) = chosen_layers(image, drawables)
     if Gimp.Selection.is_empty(image):
-        raise RefusedError(_("Nothing is selected; select what is to be replaced and try again."))
+        raise RefusedError(_("Nothing is selected; select what is to be replaced."))
+    source = options["source"]
+    if options["from"] == "other" and (
+        source is None or source.get_image().get_id() != image.get_id() or source.get_id() == layer.get_id()
+    ):
+        raise RefusedError(_("Choose another layer of this image, a mask or a channel to copy from."))
 
 
 def fill(call: Call) -> Gimp.Layer:
     """Return a layer that covers what is selected with what the rest of the layer is like."""
-    check_fill(call.image, call.drawables)
+    check_fill(call.image, call.drawables, call.options)
     (layer,) = call.drawables
     with RequestFolder(needed=2 * pixels.size_of(call.image, layer)) as folder:
         request = _sample(call, folder, layer)
         request["source"] = send_source(folder, call.image, layer, call.options)
-        picture = engine.ask(folder, {"operation": "fill", **request}, Gimp.progress_update)["picture"]
+        picture = call.ask(folder, {"operation": "fill", **request})["picture"]
         return _add(call, folder, layer, picture, _("Fill of {name}").format(name=layer.get_name()))
 
 
@@ -90,8 +92,6 @@ def send_source(
     if options["from"] != "other":
         return None
     source = options["source"]
-    if source is None or source.get_image().get_id() != image.get_id() or source.get_id() == layer.get_id():
-        raise RefusedError(_("Choose another layer of this image, a mask or a channel to copy from."))
     if scale is not None:
         return pixels.send_reduced(folder, image, source, "source", scale)
     if isinstance(source, Gimp.Layer):

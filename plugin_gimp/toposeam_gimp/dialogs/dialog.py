@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 from collections.abc import Sequence
 from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +18,12 @@ from gi.repository import Gimp, GimpUi, Gio, GLib, GObject, Gtk  # noqa: E402
 from toposeam_gimp.dialogs.drawable_choice import DrawableChoice  # noqa: E402
 from toposeam_gimp.dialogs.picture_choice import PictureChoice, picture  # noqa: E402
 from toposeam_gimp.dialogs.preview_pane import PreviewPane  # noqa: E402
+from toposeam_gimp.engine.call import GoneError, check_there  # noqa: E402
 from toposeam_gimp.engine.process import missing_methods  # noqa: E402
 from toposeam_gimp.entries.entry import Option, Procedure  # noqa: E402
 from toposeam_gimp.entries.help_page import write_help_page  # noqa: E402
 from toposeam_gimp.entries.table import PROCEDURES  # noqa: E402
+from toposeam_gimp.image.layers import RefusedError, all_alike  # noqa: E402
 from toposeam_gimp.texts import _  # noqa: E402
 
 _SPACE = 12
@@ -53,8 +56,12 @@ class Dialog:
         GimpUi.init("toposeam_gimp")
         self._config, self._entry = config, entry
         self._image, self._drawables = image, drawables
+        self._options = {option.name: option for option in entry.options}
         self._dialog = GimpUi.ProcedureDialog.new(procedure, config, entry.title)
+        self._ok = self._dialog.get_widget_for_response(Gtk.ResponseType.OK)
         self._rows: dict[str, Gtk.Widget] = {}
+        if "places" in self._options and all_alike(drawables):
+            config.set_property("places", "anywhere")
         body = Gtk.Box(spacing=2 * _SPACE, border_width=_SPACE)
         self._pane = None if entry.preview is None else PreviewPane(config, entry, image, drawables)
         if self._pane is not None:
@@ -62,6 +69,11 @@ class Dialog:
         body.pack_start(self._fields(), self._pane is None, True, 0)
         self._dialog.get_content_area().pack_start(body, True, True, 0)
         body.show_all()
+        self._reason = Gtk.Label(wrap=True, xalign=0, width_chars=60, max_width_chars=80, margin=_SPACE)
+        self._reason.set_no_show_all(True)
+        self._dialog.get_content_area().pack_start(self._reason, False, False, 0)
+        # The selection may be another one by then.
+        self._focus = self._dialog.connect("focus-in-event", lambda *_event: self._check())
         self._replace_help()
         for button in _inside(self._dialog, Gtk.Button):
             if button.get_label() in _BUTTONS:
@@ -78,11 +90,13 @@ class Dialog:
         finally:
             if self._pane is not None:
                 self._pane.close()
+            self._dialog.disconnect(self._focus)
             self._dialog.destroy()
 
     def _fields(self) -> Gtk.Widget:
         """Return all fields, one below the other."""
-        fields = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, spacing=6)
+        # A larger window is for the preview.
+        fields = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, spacing=6, hexpand=self._pane is None)
         advanced = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, spacing=6, margin_top=6)
         for option in self._entry.options:
             self._rows[option.name] = row = self._row(option)
@@ -162,10 +176,34 @@ class Dialog:
     def _changed(self) -> None:
         for option in self._entry.options:
             if option.applies is not None:
-                name, values = option.applies
-                _enable(self._rows[option.name], self._config.get_property(name) in values)
+                _enable(self._rows[option.name], self._applies(option))
+        self._check()
         if self._pane is not None:
             self._pane.changed()
+
+    def _check(self) -> None:
+        """Show what cannot work, and let OK wait until it can."""
+        refusal = ""
+        try:
+            check_there(self._image, self._drawables)
+            if self._entry.check:
+                actions = import_module(f"toposeam_gimp.actions.{self._entry.work.split('.')[0]}")
+                options = {name: self._config.get_property(name) for name in self._options}
+                getattr(actions, self._entry.check)(self._image, self._drawables, options)
+        except (RefusedError, GoneError) as error:
+            refusal = str(error)
+        if refusal != self._reason.get_text() and self._pane is not None:
+            self._pane.changed()
+        self._reason.set_text(refusal)
+        self._reason.set_visible(bool(refusal))
+        self._ok.set_sensitive(not refusal)
+
+    def _applies(self, option: Option) -> bool:
+        """Test whether an option means something with what is chosen for those it depends on."""
+        if option.applies is None:
+            return True
+        name, values = option.applies
+        return self._config.get_property(name) in values and self._applies(self._options[name])
 
     def _replace_help(self) -> None:
         """Replace GIMP's own Help, which looks for pages in its manual."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from gi.repository import GdkPixbuf, Gimp, Gtk
 
@@ -23,17 +23,19 @@ class DrawableChoice:
         besides: Sequence[Gimp.Drawable],
     ) -> None:
         self._config, self._option = config, option
-        self._choices = [] if image is None else list(choices(image, besides))
+        self._choices: list[tuple[Gimp.Drawable | None, str]] = [(None, option.none)] if option.none else []
+        if image is not None:
+            self._choices += choices(image, _all(image.get_layers()) if option.none else besides)
         store = Gtk.ListStore(GdkPixbuf.Pixbuf, str)
         for drawable, name in self._choices:
-            store.append([_thumbnail(drawable), name])
+            store.append([drawable and _thumbnail(drawable), name])
         self.widget = Gtk.ComboBox(model=store, hexpand=True)
         picture, text = Gtk.CellRendererPixbuf(), Gtk.CellRendererText()
         self.widget.pack_start(picture, False)
         self.widget.add_attribute(picture, "pixbuf", 0)
         self.widget.pack_start(text, True)
         self.widget.add_attribute(text, "text", 1)
-        known = [drawable.get_id() for drawable, _name in self._choices]
+        known = [drawable and drawable.get_id() for drawable, _name in self._choices]
         told = config.get_property(option.name)
         self.widget.set_active(known.index(told.get_id()) if told and told.get_id() in known else 0)
         self.widget.connect("changed", lambda _list: self._choose())
@@ -45,7 +47,7 @@ class DrawableChoice:
             self._config.set_property(self._option.name, self._choices[index][0])
 
 
-def choices(image: Gimp.Image, besides: Sequence[Gimp.Drawable]) -> Iterator[tuple[Gimp.Drawable, str]]:
+def choices(image: Gimp.Image, besides: Iterable[Gimp.Drawable]) -> Iterator[tuple[Gimp.Drawable, str]]:
     """Yield the drawables of an image that can be copied from, with their names: layers, masks, channels."""
     own = {drawable.get_id() for drawable in besides}
     layers = list(_all(image.get_layers()))

@@ -9,12 +9,16 @@ from gi.repository import GdkPixbuf, Gimp, Gio, GLib, Gtk
 
 from toposeam_gimp.dialogs import scenes
 from toposeam_gimp.dialogs.rehearsal import Preview, Rehearsal
+from toposeam_gimp.dialogs.zoomed_view import ZoomedView
+from toposeam_gimp.engine.call import GoneError, check_there
 from toposeam_gimp.engine.folder import FolderError, RequestFolder
 from toposeam_gimp.entries.entry import Procedure
 from toposeam_gimp.image.layers import RefusedError
 from toposeam_gimp.texts import _
 
-_SIZE = (300, 260)
+_SIZE = (360, 300)
+#: What the engine calls pictures that show seams.
+_WITH_SEAMS = ("stitch", "patch")
 #: People type and drag; the preview waits for a moment of rest.
 _REST_MS = 150
 #: Small pictures are shown enlarged, animations more, which have less pixels.
@@ -40,14 +44,19 @@ class PreviewPane:
         self._switch.set_active(True)
         self._switch.connect("toggled", lambda _box: self.changed())
         self._busy = Gtk.Label()
+        self._seam = Gtk.CheckButton.new_with_label(_("Seam line"))
+        self._seam.set_active(True)
+        self._seam.connect("toggled", lambda _box: self.changed())
+        self._view = ZoomedView(self._picture, _SIZE, self._refresh)
         self._stack = Gtk.Stack()
-        for name, widget in (("picture", self._picture), ("text", self._text)):
+        for name, widget in (("picture", self._view.widget), ("text", self._text)):
             self._stack.add_named(widget, name)
         frame = Gtk.Frame()
         frame.add(self._stack)
-        frame.set_size_request(*_SIZE)
         below = Gtk.Box(spacing=12)
         below.pack_start(self._switch, False, False, 0)
+        if scenes.OF[str(entry.preview)] in _WITH_SEAMS:
+            below.pack_start(self._seam, False, False, 0)
         below.pack_start(self._busy, False, False, 0)
         self.widget = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, spacing=6)
         self.widget.pack_start(frame, True, True, 0)
@@ -57,6 +66,7 @@ class PreviewPane:
         self._folder: RequestFolder | None = None
         self._scene: tuple[Any, dict[str, Any]] | None = None
         self._timer = self._clock = self._sign = 0
+        self._raw: list[GdkPixbuf.Pixbuf] = []
         self._frames: list[GdkPixbuf.Pixbuf] = []
         self._open = False
 
@@ -96,11 +106,12 @@ class PreviewPane:
         name = str(self._entry.preview)
         wanted = scenes.key(name, options)
         try:
+            check_there(self._image, self._drawables)
             folder = self._folder = self._folder or RequestFolder()
             if self._scene is None or self._scene[0] != wanted:
                 made = scenes.scene(name, folder, self._image, self._drawables, options)
                 self._scene = (wanted, made)
-        except (RefusedError, FolderError) as error:
+        except (RefusedError, GoneError, FolderError) as error:
             self._show(str(error))
             return False
         sent = {
@@ -108,7 +119,8 @@ class PreviewPane:
             for option in self._entry.options
             if option.engine
         }
-        self._rehearsal.show(self._scene[1], sent, folder.path)
+        scene = {**self._scene[1], "seam_line": self._seam.get_active()}
+        self._rehearsal.show(scene, sent, folder.path)
         return False
 
     def _stop(self) -> None:
@@ -134,12 +146,18 @@ class PreviewPane:
             self._text.set_text(found)
             self._stack.set_visible_child_name("text")
             return False
-        self._frames = [self._scaled(pixbuf, found.frames > 1) for pixbuf in _pixbufs(found)]
-        self._draw(self._frames[0])
+        self._raw = _pixbufs(found)
+        self._refresh()
         if len(self._frames) > 1 and self._scene is not None:
             self._clock = GLib.timeout_add(max(int(self._scene[1]["delay"]), 20), self._next)
         self._stack.set_visible_child_name("picture")
         return False
+
+    def _refresh(self) -> None:
+        """Scale and draw what is shown, for the room and the zoom there are."""
+        if self._raw:
+            self._frames = [self._scaled(pixbuf, len(self._raw) > 1) for pixbuf in self._raw]
+            self._draw(self._frames[0])
 
     def _next(self) -> bool:
         """Advance by one frame."""
@@ -152,7 +170,8 @@ class PreviewPane:
         dots = self._picture.get_scale_factor()
         width, height = pixbuf.get_width(), pixbuf.get_height()
         most = (_MOST_ENLARGED_FRAMES if moves else _MOST_ENLARGED) * dots
-        scale = min((_SIZE[0] - 4) * dots / width, (_SIZE[1] - 4) * dots / height, most)
+        room = self._view.room
+        scale = min(room[0] * dots / width, room[1] * dots / height, most) * self._view.zoom
         size = max(round(width * scale), 1), max(round(height * scale), 1)
         return pixbuf.composite_color_simple(
             *size, GdkPixbuf.InterpType.BILINEAR, 255, 8 * dots, 0x999999, 0x666666

@@ -9,16 +9,19 @@ from typing import Any
 from gi.repository import Gimp
 
 from toposeam_gimp.actions.animation import delay_of, frames_of
+from toposeam_gimp.actions.below import check_something
 from toposeam_gimp.actions.motifs import colours_of, inks_of, motif_of
+from toposeam_gimp.actions.seams import layers_to_join
 from toposeam_gimp.actions.textures import check_fill, selected_rectangle, send_source
 from toposeam_gimp.engine.folder import RequestFolder
 from toposeam_gimp.image import pixels
-from toposeam_gimp.image.layers import RefusedError, check_selection, chosen_layers, lowest_first
+from toposeam_gimp.image.layers import RefusedError, check_selection, chosen_layers
 from toposeam_gimp.image.pixels import Box
 from toposeam_gimp.texts import _
 
 #: What the engine calls what a preview shows.
 OF = {
+    "panorama": "stitch",
     "stitch": "stitch",
     "patch": "patch",
     "sample": "synthesize",
@@ -30,9 +33,12 @@ OF = {
 }
 #: A preview is made of this many pixels at most.
 MOST_PIXELS = 300_000
-#: What takes longer than seams has fewer, so that a preview takes a second at most (benchmarks/gimp.py).
-_MOST_PLACED, _MOST_TILED, _MOST_SAMPLED = 120_000, 80_000, 50_000
+#: What takes longer than seams has fewer (of layers that are placed, each), so that a preview takes a second
+#: at most (benchmarks/gimp.py).
+_MOST_PLACED, _MOST_TILED, _MOST_SAMPLED = 60_000, 80_000, 50_000
 _MOST_GROWN, _MOST_LOOPED = 32_000, 150_000
+#: Of what is to be filled so many times its size is shown on each side.
+_SURROUNDINGS = 1.2
 #: The least that a frame of an animation is shown at.
 _LEAST_FRAME = 200
 
@@ -55,8 +61,8 @@ def key(name: str, options: Scene) -> tuple[Any, ...]:
     """Return the options a scene depends on; as long as they stay the same, so do the pixels."""
     if name == "sample":
         return options["width"], options["height"]
-    if name == "stitch":
-        return (options["places"] == "anywhere",)
+    if name in ("stitch", "patch"):
+        return options.get("places") == "anywhere", options["avoid"] and options["avoid"].get_id()
     if name == "pattern":
         return options["rows"], options["columns"]
     if name == "hole":
@@ -64,26 +70,46 @@ def key(name: str, options: Scene) -> tuple[Any, ...]:
     return (options["use-layer"],) if name == "motif" else ()
 
 
-def _stitch(folder: RequestFolder, image: Gimp.Image, drawables: Layers, options: Scene) -> Scene:
-    layers = lowest_first(image, chosen_layers(image, drawables))
-    if len(layers) < 2:
-        raise RefusedError(_("Select two or more layers."))
-    check_selection(image, options)
-    boxes = [_box(layer) for layer in layers]
-    left, top = min(box[0] for box in boxes), min(box[1] for box in boxes)
-    right, bottom = max(box[0] + box[2] for box in boxes), max(box[1] + box[3] for box in boxes)
-    canvas = (left, top, right - left, bottom - top)
-    most = _MOST_PLACED if options["places"] == "anywhere" else MOST_PIXELS
-    scale = _scale(max(_area(canvas), sum(map(_area, boxes))), most)
+def _panorama(folder: RequestFolder, image: Gimp.Image, drawables: Layers, _options: Scene) -> Scene:
+    return {**_placed(folder, image, drawables), "places": "anywhere"}
+
+
+def _placed(folder: RequestFolder, image: Gimp.Image, drawables: Layers) -> Scene:
+    """Send layers whose places are found out, so large that they can be."""
+    layers = layers_to_join(image, drawables)
+    scale = _scale(sum(_area(_box(layer)) for layer in layers), _MOST_PLACED * len(layers))
     rasters = [
         pixels.send_reduced(folder, image, layer, f"layer-{index}", scale)
         for index, layer in enumerate(layers)
     ]
-    selection = _selection(folder, image, scale, canvas)
-    return {"of": "stitch", "scale": scale, "layers": rasters, "selection": selection}
+    return {"of": "stitch", "scale": scale, "layers": rasters, "selection": None}
 
 
-def _patch(folder: RequestFolder, image: Gimp.Image, drawables: Layers, _options: Scene) -> Scene:
+def _stitch(folder: RequestFolder, image: Gimp.Image, drawables: Layers, options: Scene) -> Scene:
+    check_selection(image, options)
+    if options["places"] == "anywhere":
+        return _placed(folder, image, drawables)
+    layers = layers_to_join(image, drawables)
+    boxes = [_box(layer) for layer in layers]
+    left, top = min(box[0] for box in boxes), min(box[1] for box in boxes)
+    right, bottom = max(box[0] + box[2] for box in boxes), max(box[1] + box[3] for box in boxes)
+    canvas = (left, top, right - left, bottom - top)
+    scale = _scale(max(_area(canvas), sum(map(_area, boxes))))
+    rasters = [
+        pixels.send_reduced(folder, image, layer, f"layer-{index}", scale)
+        for index, layer in enumerate(layers)
+    ]
+    about = {"selection": _selection(folder, image, scale, canvas), **_avoided(folder, image, scale, options)}
+    return {"of": "stitch", "scale": scale, "layers": rasters, **about}
+
+
+def _avoided(folder: RequestFolder, image: Gimp.Image, scale: float, options: Scene) -> Scene:
+    """Send the channel that seams keep away from."""
+    channel = options["avoid"]
+    return {"avoid": channel and pixels.send_reduced(folder, image, channel, "avoid", scale)}
+
+
+def _patch(folder: RequestFolder, image: Gimp.Image, drawables: Layers, options: Scene) -> Scene:
     (layer,) = chosen_layers(image, drawables)
     if layer.is_floating_sel() or layer.get_parent() is not None:
         raise RefusedError(_("There is no preview of a floating selection, nor within a group."))
@@ -98,12 +124,16 @@ def _patch(folder: RequestFolder, image: Gimp.Image, drawables: Layers, _options
             if above.get_id() == layer.get_id():
                 break
         seen = Gimp.Layer.new_from_visible(scratch, scratch, "below")
+        check_something(seen, selected)
         below = pixels.send_reduced(folder, image, seen, "below", scale, around)
     finally:
         scratch.delete()
     patch = pixels.send_reduced(folder, image, layer, "patch", scale, selected)
-    selection = _selection(folder, image, scale, selected)
-    return {"of": "patch", "scale": scale, "layers": [below, patch], "selection": selection}
+    about = {
+        "selection": _selection(folder, image, scale, selected),
+        **_avoided(folder, image, scale, options),
+    }
+    return {"of": "patch", "scale": scale, "layers": [below, patch], **about}
 
 
 def _sample(folder: RequestFolder, image: Gimp.Image, drawables: Layers, options: Scene) -> Scene:
@@ -119,9 +149,22 @@ def _tile(folder: RequestFolder, image: Gimp.Image, drawables: Layers, _options:
 
 
 def _hole(folder: RequestFolder, image: Gimp.Image, drawables: Layers, options: Scene) -> Scene:
-    check_fill(image, drawables)
-    made = _texture("fill", folder, image, drawables, 1.0, most=_MOST_GROWN)
-    return {**made, "source": send_source(folder, image, drawables[0], options, made["scale"])}
+    check_fill(image, drawables, options)
+    layer = drawables[0]
+    selected = _bounds(image) or _box(layer)
+    # What is to be replaced and its surroundings, as large as they can be shown.
+    margin = round(_SURROUNDINGS * max(selected[2:]))
+    around = (selected[0] - margin, selected[1] - margin, selected[2] + 2 * margin, selected[3] + 2 * margin)
+    box = pixels.common(_box(layer), around)
+    if box is None:
+        raise RefusedError(
+            _("The selection lies outside the layer “{name}”; select a part of it.").format(
+                name=layer.get_name()
+            )
+        )
+    made = _texture("fill", folder, image, drawables, 1.0, box=box, most=_MOST_GROWN)
+    made["selection"] = _selection(folder, image, made["scale"], box)
+    return {**made, "source": send_source(folder, image, layer, options, made["scale"])}
 
 
 def _motif(folder: RequestFolder, image: Gimp.Image | None, drawables: Layers, options: Scene) -> Scene:
@@ -207,6 +250,7 @@ def _scale(area: float, most: int = MOST_PIXELS) -> float:
 
 
 _SCENES: dict[str, Callable[..., Scene]] = {
+    "panorama": _panorama,
     "stitch": _stitch,
     "patch": _patch,
     "sample": _sample,

@@ -25,7 +25,7 @@ from toposeam_gimp.engine.folder import RequestFolder
 from toposeam_gimp.sentences import in_gimps_words
 from toposeam_gimp.texts import _
 
-PROTOCOL = 2
+PROTOCOL = 3
 #: The engine speaks every two seconds; this long a silence means that it hangs.
 SILENCE_S = 300.0
 
@@ -280,6 +280,7 @@ def _listen(
     silence_s: float,
     log: Path | None = None,
 ) -> dict[str, Any]:
+    share = 0.0
     while True:
         try:
             line = process.heard(silence_s)
@@ -307,8 +308,9 @@ def _listen(
                         "“toposeam gimp install” and start GIMP again."
                     ).format(own=__version__, other=event.get("version"))
                 )
-        elif kind == "progress":
-            progress(float(event["share"]))
+        elif kind in ("progress", "alive"):
+            share = float(event.get("share", share))
+            progress(share)
         elif kind == "error":
             raise _SaidError(in_gimps_words(event))
         elif kind == "result":

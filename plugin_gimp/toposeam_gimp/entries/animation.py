@@ -12,8 +12,11 @@ ANIMATION_ENTRIES = (
         menu=LAYERS,
         work="animation.loop",
         check="check_clip",
+        also="<Image>/Filters/Animation",
         needs="layers",
-        blurb=_("Make the visible layers, as the frames of an animation, repeat without a jump"),
+        blurb=_(
+            "Make the visible layers, as the frames of an animation, repeat without a jump (seamless loop)"
+        ),
         help=_(
             "The lowest layer is the first frame. Where the clip comes back best is found, and its end goes "
             "over into its beginning along a surface in time and space, so that every pixel changes when it "

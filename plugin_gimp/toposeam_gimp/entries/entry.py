@@ -33,6 +33,8 @@ class Option:
     applies: tuple[str, tuple[bool | str, ...]] | None = None
     #: Whether it waits under “Advanced” until it is looked for.
     advanced: bool = False
+    #: Of one that is a mask or a channel and may be none: what none is called.
+    none: str = ""
     #: How the names of the files in ``pictures`` begin that show the choices; "" where words do.
     pictures: str = ""
 
@@ -78,12 +80,15 @@ class Procedure:
     label: str
     #: The submenu it is in.
     menu: str
+    #: A blurb, with the words in brackets that people search for.
     blurb: str
     help: str
     #: Module of this package, and its function.
     work: str
-    #: Its function that refuses what cannot work before the dialog asks; "" where GIMP itself can tell.
+    #: Its function that refuses what cannot work; the dialog shows why. "" where GIMP itself can tell.
     check: str = ""
+    #: Another place in GIMP's menu, where people look for it.
+    also: str = ""
     options: tuple[Option, ...] = ()
     #: When the entry can be used: "layer" when one is selected, "layers" for one or more, "several" for two
     #: or more, "nothing" always.

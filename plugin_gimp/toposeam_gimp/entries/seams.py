@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from toposeam_gimp.entries.entry import LAYERS, Option, Procedure, number
 from toposeam_gimp.texts import _
 
@@ -9,14 +11,10 @@ _METHOD = Option(
     name="method",
     label=_("_Method"),
     default="auto",
-    help=_(
-        "How the seam is found: by the exact method that is fastest, by heat, by the dissertation's "
-        "algorithm, or by one of the classical methods"
-    ),
+    help=_("How the seam is found; the first choice is exact and the fastest for the overlap"),
     choices=(
         ("auto", _("Automatic (exact and fastest)")),
         ("heat", _("Heat")),
-        ("thesis", _("Heat, as in the dissertation (slow)")),
         ("shortest-path", _("Shortest path (exact)")),
         ("dp", _("Dynamic programming (never turns back)")),
         ("graph-cut", _("Graph cut (needs PyMaxflow)")),
@@ -25,12 +23,12 @@ _METHOD = Option(
 )
 _LAW = Option(
     name="law",
-    label=_("Seam _goes round"),
+    label=_("Seam avo_ids"),
     default="natural",
     help=_("What the seam must not cross; the first keeps people, posts and letters whole"),
     choices=(
         ("natural", _("What eyes notice")),
-        ("gradient", _("Differences, but for edges")),
+        ("gradient", _("Cutting across edges")),
         ("colour", _("Differences of colour")),
     ),
     advanced=True,
@@ -39,25 +37,22 @@ _BLEND = Option(
     name="blend",
     label=_("_Blend"),
     default="none",
-    help=_(
-        "What happens across the seams; anything but a hard cut is put into a layer of its own above the "
-        "others"
-    ),
+    help=_("What happens across the seams; what it changes is put into a layer of its own above the others"),
     choices=(
-        ("none", _("Hard cut")),
-        ("feather", _("Feather along the seam")),
-        ("soft", _("Soft, as the heat flows")),
-        ("multiband", _("Multiband (coarse shades far, detail close)")),
-        ("gradient", _("Gradient domain (no step in tone)")),
+        ("none", _("No blending")),
+        ("feather", _("Soft edge")),
+        ("soft", _("Soft edge, wider where it does not show")),
+        ("multiband", _("Seamless (multi-band)")),
+        ("gradient", _("Seamless (colour too)")),
     ),
 )
 _WIDTH = number(
     "blend-width",
     _("Blend _width (px)"),
-    _("How far feather, multiband and gradient reach; 0 is the usual width"),
+    _("How far blending reaches from the seam; 0 chooses a width by itself"),
     0.0,
     (0.0, 512.0),
-    automatic=_("Usual width"),
+    automatic=_("Automatic"),
     typical=16,
     applies=("blend", ("feather", "multiband", "gradient")),
 )
@@ -72,7 +67,7 @@ _TONES = Option(
 )
 _SHADING = Option(
     name="match-shading",
-    label=_("Match sh_ading too"),
+    label=_("Correct vig_netting"),
     default=False,
     help=_(
         "Also remove that lenses darken towards their corners: each layer's copy gets a smooth field of gain"
@@ -84,38 +79,40 @@ _PLACES = Option(
     label=_("_Positions"),
     default="given",
     help=_(
-        "Whether the copies move. Aligned, they go by up to 32 px to where their overlaps agree. Found out, "
-        "they may lie anywhere, and be turned by up to 3° and scaled by up to 3 %; the canvas grows if need "
-        "be. The lowest layer stays as it is"
+        "Whether the copies move. The first choice joins the layers where they lie. Aligned, they go by up "
+        "to 32 px to where their overlaps agree. Automatically aligned, they may lie anywhere, as files "
+        "opened as layers do, and are turned and warped where needed; the canvas grows if need be"
     ),
     choices=(
         ("given", _("As the layers lie")),
-        ("near", _("Align them (within 32 px)")),
-        ("anywhere", _("Find out where they belong")),
+        ("near", _("Align (within 32 px)")),
+        ("anywhere", _("Align automatically (panorama)")),
     ),
 )
 _KEEP = Option(
     name="keep-layers",
-    label=_("_Keep the selected layers, hidden"),
+    label=_("_Keep the original layers, hidden"),
     default=True,
     engine=False,
     help=_(
         "Leave the layers you selected where they are, invisible; otherwise the stitched copies replace them"
     ),
+    advanced=True,
 )
 _MERGE = Option(
     name="merge",
-    label=_("Merge into one la_yer"),
+    label=_("Mer_ge into one layer"),
     default=False,
     engine=False,
     help=_("Make one layer of the result instead of a group of layers with masks"),
+    advanced=True,
 )
 _CORE = number(
     "core",
-    _("Core that m_ust show"),
+    _("Share that m_ust show"),
     _(
-        "The share of the patch's depth, from its innermost point outwards, that the seam must leave to the "
-        "patch"
+        "How much of the patch the seam must leave, from its middle outwards: 0.9 is nearly all of it, 0.05 "
+        "hardly more than its middle"
     ),
     0.5,
     (0.05, 1.0),
@@ -123,41 +120,178 @@ _CORE = number(
 _SHOW = Option(
     name="show-seam",
     label=_("Show the s_eam"),
-    default=False,
+    default=True,
     engine=False,
-    help=_("Make the paths of the seams visible; they are in the Paths dialog in any case"),
+    help=_(
+        "Make the paths of the seams visible, so that the path tool takes them; they are in the Paths dialog "
+        "in any case"
+    ),
 )
+_AVOID = Option(
+    name="avoid",
+    label=_("Keep awa_y from"),
+    default=None,
+    engine=False,
+    none=_("Nothing"),
+    help=_("A channel or a mask: where it is white, as on a face that shall stay whole, no seam runs"),
+)
+_PHOTOGRAPHS = ("pictures", ("photographs",))
+_CAMERA = ("model", ("auto", "rotation"))
 
 SEAM_ENTRIES = (
+    Procedure(
+        name="plug-in-toposeam-panorama",
+        label=_("Pa_norama from Layers..."),
+        menu=LAYERS,
+        work="seams.panorama",
+        check="check_layers",
+        also="<Image>/Filters/Combine",
+        needs="several",
+        blurb=_(
+            "Find out where overlapping photographs belong, warp them, even them out and join them "
+            "(photomerge, auto-align and auto-blend layers, photo stitching)"
+        ),
+        help=_(
+            "Open the photographs by File → Open as Layers, select them all in the Layers dialog, and "
+            "choose this entry. They may lie anywhere and in any order. A group appears with a warped copy "
+            "of each under a layer mask, and a path per seam; your layers stay, hidden. Photographs that "
+            "show nothing that the others show are left out and named. What is left between the others is "
+            "told: the seams go round it."
+        ),
+        options=(
+            Option(
+                name="pictures",
+                label=_("_Pictures are"),
+                default="photographs",
+                help=_(
+                    "Photographs are warped, evened out and blended; scans and screenshots are only moved, "
+                    "turned by up to 3° and scaled by up to 3 %, exactly, and keep their pixels"
+                ),
+                choices=(("photographs", _("Photographs")), ("scans", _("Scans, exact"))),
+            ),
+            Option(
+                name="crop",
+                label=_("Crop _transparent borders"),
+                default=True,
+                help=_(
+                    "Make the canvas the largest rectangle without holes. Layers keep what lies beyond it: "
+                    "Image → Fit Canvas to Layers shows it again"
+                ),
+            ),
+            Option(
+                name="match-shading",
+                label=_("Match tones and correct vig_netting"),
+                default=True,
+                help=_("Even out exposure and white balance, and that lenses darken towards their corners"),
+                applies=_PHOTOGRAPHS,
+            ),
+            replace(_BLEND, default="multiband", applies=_PHOTOGRAPHS),
+            _SHOW,
+            Option(
+                name="model",
+                label=_("Laid out b_y"),
+                default="auto",
+                help=_(
+                    "What brings the photographs together; the first choice takes the simplest that "
+                    "explains them"
+                ),
+                choices=(
+                    ("auto", _("Automatic")),
+                    ("shift", _("Moving")),
+                    ("similarity", _("Moving, turning and scaling")),
+                    ("plane", _("Perspective of something flat")),
+                    ("rotation", _("A camera that turned")),
+                ),
+                applies=_PHOTOGRAPHS,
+                advanced=True,
+            ),
+            Option(
+                name="projection",
+                label=_("Pro_jection"),
+                default="auto",
+                help=_("How the panorama shows what a camera saw that turned; by its field of view"),
+                choices=(
+                    ("auto", _("Automatic")),
+                    ("flat", _("Flat (straight lines stay straight)")),
+                    ("cylinder", _("Cylinder (wide panoramas)")),
+                    ("sphere", _("Sphere (also far up and down)")),
+                    ("panini", _("Panini (wide rooms)")),
+                ),
+                applies=_CAMERA,
+                advanced=True,
+            ),
+            Option(
+                name="level",
+                label=_("Level the hori_zon"),
+                default=True,
+                help=_("Lay the horizon level; otherwise the photograph in the middle stays upright"),
+                applies=_PHOTOGRAPHS,
+                advanced=True,
+            ),
+            _LAW,
+            replace(_WIDTH, advanced=True),
+            _MERGE,
+            _KEEP,
+        ),
+        returns=("group", "The group of stitched layers, or the merged layer"),
+        preview="panorama",
+    ),
     Procedure(
         name="plug-in-toposeam-stitch",
         label=_("_Stitch Layers..."),
         menu=LAYERS,
         work="seams.stitch_layers",
+        check="check_layers",
         needs="several",
-        blurb=_("Join the selected layers where they overlap, along seams that nobody sees"),
-        help=_(
-            "Select two or more layers that overlap, or would: where they belong can be found out. A group "
-            "appears with a copy of each layer under a layer mask, opaque and in Normal mode, and two paths "
-            "per seam. If there is a selection, the seams stay within it. Bend a path with the path tool and "
-            "use Re-stitch from Paths to apply it."
+        blurb=_(
+            "Join the selected layers where they overlap, along seams that nobody sees (auto-blend layers)"
         ),
-        options=(_BLEND, _WIDTH, _PLACES, _TONES, _SHOW, _MERGE, _KEEP, _SHADING, _METHOD, _LAW),
+        help=_(
+            "Select two or more layers that overlap. A group appears with a copy of each layer, opaque and "
+            "in Normal mode, under layer masks that only hide where a lower layer is to be seen, and a "
+            "path per seam. If there is a selection, the seams stay within it. Bend a path with the path "
+            "tool, paint on a mask, or paint seam hints, and choose Re-stitch. For photographs that do not "
+            "lie where they belong, choose Panorama from Layers."
+        ),
+        options=(_PLACES, _BLEND, _WIDTH, _TONES, _AVOID, _SHOW, _MERGE, _KEEP, _SHADING, _METHOD, _LAW),
         returns=("group", "The group of stitched layers, or the merged layer"),
         preview="stitch",
     ),
     Procedure(
-        name="plug-in-toposeam-restitch",
-        label=_("_Re-stitch from Paths"),
+        name="plug-in-toposeam-hints",
+        label=_("Paint Seam _Hints"),
         menu=LAYERS,
-        work="seams.restitch",
+        work="restitching.paint_hints",
         needs="layers",
-        blurb=_("Apply the seams of a stitched group again after you have bent their paths"),
+        blurb=_(
+            "Get a layer to paint on which layer of a panorama or stitched group shall show where: a face "
+            "from one photograph, the rest from another"
+        ),
         help=_(
-            "Select a group that Stitch Layers has made, a layer in it, or a patch. Its masks are made anew "
-            "from its paths, or from the path that is selected in the Paths dialog: curves are followed, "
-            "ends that stop short of the overlap's border are extended. What you have not bent gives exactly "
-            "the seam that was found."
+            "Select a layer in a group that Panorama from Layers or Stitch Layers has made. The layer "
+            "“Seam hints” appears above the group, and the foreground colour is the one of the selected "
+            "layer, like its tag in the Layers dialog. Paint roughly what shall be seen of that layer, "
+            "with any paint tool, and choose Re-stitch: the seam finds itself round the strokes. Erase "
+            "strokes that shall no longer count."
+        ),
+        returns=("hints", "The layer to paint on"),
+    ),
+    Procedure(
+        name="plug-in-toposeam-restitch",
+        label=_("_Re-stitch"),
+        menu=LAYERS,
+        work="restitching.restitch",
+        needs="layers",
+        blurb=_(
+            "Let the seams of a panorama, stitched group or patch follow bent paths, seam hints, and what "
+            "was painted on masks"
+        ),
+        help=_(
+            "Select a group that Panorama from Layers or Stitch Layers has made, a layer in it, its seam "
+            "hints, or a patch. Curves that you have bent are followed; ends that stop short of the "
+            "overlap's border are extended. Round what you have painted on “Seam hints” or on a mask, the "
+            "seam is found anew; elsewhere it stays. A path that is selected in the Paths dialog counts "
+            "before the group's own."
         ),
         returns=("group", "The group of stitched layers"),
     ),
@@ -165,9 +299,10 @@ SEAM_ENTRIES = (
         name="plug-in-toposeam-patch",
         label=_("Stitch Selection as _Patch..."),
         menu=LAYERS,
-        work="seams.patch_selection",
+        work="patches.patch_selection",
         blurb=_(
-            "Lay the selected part of this layer on what is below it, within a closed seam that nobody sees"
+            "Lay the selected part of this layer on what is below it, within a closed seam that nobody sees "
+            "(clone, swap a face or a sky)"
         ),
         help=_(
             "Select generously round what you want to lay on the picture below: a face, a cloud, a cloned "
@@ -175,7 +310,7 @@ SEAM_ENTRIES = (
             "selection, or without any selection the whole layer, is a patch too. The patch becomes a layer "
             "with a mask, and the seam a path; the layer it was cut from is hidden."
         ),
-        options=(_BLEND, _WIDTH, _CORE, _SHOW, _METHOD, _LAW),
+        options=(_BLEND, _WIDTH, _CORE, _AVOID, _SHOW, _METHOD, _LAW),
         returns=("patch", "The layer with the patch"),
         preview="patch",
     ),

@@ -39,7 +39,7 @@ TEXTURE_ENTRIES = (
         label=_("S_ynthesize Texture..."),
         menu=TEXTURES,
         work="textures.synthesize",
-        blurb=_("Grow a texture of any size from this layer, or from the selected part of it"),
+        blurb=_("Grow a texture or pattern of any size from this layer, or from the selected part of it"),
         help=_(
             "Patches of the layer are laid where they fit best and cut along the best seams. With a "
             "selection, only what is selected is copied; it need not be a rectangle."
@@ -74,7 +74,11 @@ TEXTURE_ENTRIES = (
         menu=TEXTURES,
         work="textures.make_tileable",
         check="check_tile",
-        blurb=_("Make this layer, or the selected rectangle of it, repeat without a visible border"),
+        also="<Image>/Filters/Map",
+        blurb=_(
+            "Make this layer, or the selected rectangle of it, repeat without a visible border (seamless "
+            "pattern)"
+        ),
         help=_(
             "Only a band along the borders changes: patches of the picture itself are laid over them and cut "
             "along the best seams. The result is a new layer. A selection must be a rectangle."
@@ -106,7 +110,11 @@ TEXTURE_ENTRIES = (
         menu=TEXTURES,
         work="textures.fill",
         check="check_fill",
-        blurb=_("Replace what is selected by what the rest of this layer, or another one, is like"),
+        also="<Image>/Filters/Enhance",
+        blurb=_(
+            "Replace what is selected by what the rest of this layer, or another one, is like (heal, "
+            "remove object, content-aware fill, inpaint)"
+        ),
         help=_(
             "The hole is filled from outside inwards with patches of the layer, cut along the best "
             "seams, which may run through a band round the selection. The result is a new layer that covers "

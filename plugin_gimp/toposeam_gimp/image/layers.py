@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import base64
 import json
+import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
 from gi.repository import Gimp
 
+from toposeam_gimp.engine.folder import RequestFolder
+from toposeam_gimp.engine.turns import turn
 from toposeam_gimp.image import curves
 from toposeam_gimp.image import path_choice as choosing
 from toposeam_gimp.texts import _
@@ -17,9 +21,13 @@ from toposeam_gimp.texts import _
 PARASITE = "toposeam-seam"
 #: On the paths that a stitched group has made: their own tattoo, so that a copy is known to be one.
 PATH_PARASITE = "toposeam-path"
-_PARASITE_VERSION = 2
+#: On a stitched group, packed: which layer showed where when its masks were written.
+SHOWN_PARASITE = "toposeam-shown"
+#: On a layer with strokes: the tattoo of the group they are for.
+HINTS_PARASITE = "toposeam-hints"
+_PARASITE_VERSION = 3
 #: Saved with the file, and part of the undo step; without the latter GIMP complains when it is undone.
-_KEPT = Gimp.PARASITE_PERSISTENT | Gimp.PARASITE_UNDOABLE
+KEPT = Gimp.PARASITE_PERSISTENT | Gimp.PARASITE_UNDOABLE
 
 
 class RefusedError(Exception):
@@ -65,6 +73,17 @@ def lowest_first(image: Gimp.Image, layers: Sequence[Gimp.Layer]) -> list[Gimp.L
     return ordered[::-1]
 
 
+def all_alike(drawables: Sequence[Gimp.Drawable]) -> bool:
+    """Test whether the middles of drawables lie on each other, as those of files that were opened as
+    layers.
+    """
+    middles = set()
+    for one in drawables:
+        _nothing, left, top = one.get_offsets()
+        middles.add((left + one.get_width() // 2, top + one.get_height() // 2))
+    return len(drawables) > 1 and len(middles) == 1
+
+
 def check_selection(image: Gimp.Image, options: Mapping[str, Any]) -> None:
     """Refuse a selection, which says where seams may run, while it is not known where the layers will be."""
     if options["places"] == "anywhere" and not Gimp.Selection.is_empty(image):
@@ -78,47 +97,41 @@ def check_selection(image: Gimp.Image, options: Mapping[str, Any]) -> None:
 
 @contextmanager
 def one_undo_step(image: Gimp.Image) -> Iterator[list[Callable[[], Any]]]:
-    """Group the block into one undo step; if it fails, call the list's functions, last first."""
-    undone: list[Callable[[], Any]] = []
-    image.undo_group_start()
-    try:
-        yield undone
-    except BaseException:
-        for step in reversed(undone):
-            step()
-        raise
-    finally:
-        image.undo_group_end()
-
-
-def draw_seam(
-    image: Gimp.Image, seam: dict[str, Any], *, visible: bool
-) -> tuple[list[Gimp.Path], dict[str, Any]]:
-    """GIMP paths for a seam, a smooth one to bend above the exact one, and what has to be remembered of
-    them.
+    """Group the block into one undo step; if it fails, call the list's functions, last first. Blocks of other
+    entries wait: GIMP would make one step of both.
     """
-    exact = _new_path(image, _("Seam {name}, exact").format(name=seam["name"]))
-    smooth = _new_path(image, _("Seam {name}, to bend").format(name=seam["name"]))
+    undone: list[Callable[[], Any]] = []
+    with turn():
+        image.undo_group_start()
+        try:
+            yield undone
+        except BaseException:
+            if image.is_valid():
+                for step in reversed(undone):
+                    step()
+            raise
+        finally:
+            if image.is_valid():
+                image.undo_group_end()
+
+
+def draw_seam(image: Gimp.Image, seam: dict[str, Any], *, visible: bool) -> tuple[Gimp.Path, dict[str, Any]]:
+    """GIMP's path for a seam, smooth and to be bent, and what has to be remembered of it: what each of its
+    curves stands for exactly.
+    """
+    path = Gimp.Path.new(image, _("Seam {name}").format(name=seam["name"]))
+    image.insert_path(path, None, 0)
+    mark = list(str(path.get_tattoo()).encode())
+    path.attach_parasite(Gimp.Parasite.new(PATH_PARASITE, KEPT, mark))
     lines = []
     for line in seam["lines"]:
         closed = line["closed"]
         stroke = curves.stroke_of(line["curves"], closed)
-        smooth.stroke_new_from_points(Gimp.PathStrokeType.BEZIER, stroke, closed)
-        exact.stroke_new_from_points(
-            Gimp.PathStrokeType.BEZIER, curves.straight_stroke(line["points"]), closed
-        )
-        lines.append({"stroke": stroke, "closed": closed, "pieces": line["pieces"], "points": line["points"]})
-    smooth.set_visible(visible)
-    memory = {"name": seam["name"], "pair": seam["pair"], "lines": lines}
-    return [smooth, exact], {**memory, "smooth": smooth.get_tattoo(), "exact": exact.get_tattoo()}
-
-
-def _new_path(image: Gimp.Image, name: str) -> Gimp.Path:
-    path = Gimp.Path.new(image, name)
-    image.insert_path(path, None, 0)
-    mark = list(str(path.get_tattoo()).encode())
-    path.attach_parasite(Gimp.Parasite.new(PATH_PARASITE, _KEPT, mark))
-    return path
+        path.stroke_new_from_points(Gimp.PathStrokeType.BEZIER, stroke, closed)
+        lines.append({"stroke": stroke, "closed": closed, "pieces": line["pieces"]})
+    path.set_visible(visible)
+    memory = {"name": seam["name"], "pair": seam["pair"], "lines": lines, "path": path.get_tattoo()}
+    return path, memory
 
 
 def lines_to_apply(
@@ -135,20 +148,14 @@ def lines_to_apply(
         Paths that are not the group's own and could be meant too.
     """
     selected = {path.get_id() for path in image.get_selected_paths()}
-    known = {
-        "smooth": seam["lines"],
-        "exact": [_straight(line["points"], line["closed"]) for line in seam["lines"]],
-    }
     candidates = []
-    for kind, lines in known.items():
-        path = image.get_path_by_tattoo(seam[kind])
-        if path is not None:
-            found, touched = curves.lines_of(strokes_of(path), lines)
-            candidates.append(_candidate(path, selected, own=True, touched=touched, lines=found))
-    made = max(seam["smooth"], seam["exact"])
+    own = image.get_path_by_tattoo(seam["path"])
+    if own is not None:
+        found, touched = curves.lines_of(strokes_of(own), seam["lines"])
+        candidates.append(_candidate(own, selected, own=True, touched=touched, lines=found))
     for path in others:
         found, _touched = curves.lines_of(strokes_of(path), ())
-        newer = path.get_tattoo() > made  # GIMP counts them up
+        newer = path.get_tattoo() > seam["path"]  # GIMP counts them up
         candidates.append(_candidate(path, selected, own=False, touched=True, newer=newer, lines=found))
     if not candidates:
         raise RefusedError(
@@ -165,25 +172,22 @@ def lines_to_apply(
 
 
 def other_paths(image: Gimp.Image, seams: Sequence[dict[str, Any]]) -> list[Gimp.Path]:
-    """Return the paths of an image that belong to no stitched group."""
-    own = {seam[kind] for seam in seams for kind in ("smooth", "exact")}
+    """Return the paths of an image that belong to no stitched group and have a line: a click of the path tool
+    leaves a path without one.
+    """
+    own = {seam["path"] for seam in seams}
     found = []
     for path in image.get_paths():
         mark = path.get_parasite(PATH_PARASITE)
         of_a_group = mark is not None and bytes(mark.get_data()).decode() == str(path.get_tattoo())
-        if path.get_tattoo() not in own and not of_a_group:
+        drawn = any(len(points) > 6 for points, _closed in strokes_of(path))
+        if drawn and path.get_tattoo() not in own and not of_a_group:
             found.append(path)
     return found
 
 
 def _candidate(path: Gimp.Path, selected: set[int], **about: Any) -> choosing.Candidate:
     return choosing.Candidate(name=path.get_name(), selected=path.get_id() in selected, **about)
-
-
-def _straight(points: Sequence[float], closed: bool) -> dict[str, Any]:
-    stroke = curves.straight_stroke(points)
-    pieces = [[*curve[:2], *curve[6:]] for curve in curves.curves_of(stroke, closed)]
-    return {"stroke": stroke, "closed": closed, "pieces": pieces}
 
 
 def strokes_of(path: Gimp.Path) -> Iterator[tuple[list[float], bool]]:
@@ -194,29 +198,53 @@ def strokes_of(path: Gimp.Path) -> Iterator[tuple[list[float], bool]]:
 
 
 def remember(
-    kind: str,
+    folder: RequestFolder | None,
     group: Gimp.Layer,
     layers: Sequence[Gimp.Layer],
     seams: Sequence[dict[str, Any]],
     blended: Gimp.Layer | None,
-    options: dict[str, Any],
+    about: Mapping[str, Any],
+    answer: Mapping[str, Any],
+    hints: Gimp.Layer | None = None,
 ) -> None:
-    """Attach to a stitched group, or to a patch, what Re-stitch from Paths needs; it is saved with the
-    file.
+    """Attach to a stitched group, or to a patch, what Re-stitch needs; it is saved with the file.
+
+    `about` holds its kind and the options; of the answer it is what shows where, packed, so that what is
+    painted on masks later is known. Without a folder that stays as it was.
     """
-    tattoos = {
+    memory = {
+        "version": _PARASITE_VERSION,
+        **about,
         "layers": [layer.get_tattoo() for layer in layers],
-        "blended": None if blended is None else blended.get_tattoo(),
+        "blended": answer.get("blended") if folder is None else blended and blended.get_tattoo(),
+        "hints": hints and hints.get_tattoo(),
+        "labels": answer["labels"],
+        "seams": seams,
     }
-    memory = {"version": _PARASITE_VERSION, "kind": kind, **tattoos, "seams": seams, "options": options}
     text = json.dumps(memory, separators=(",", ":"))
-    group.attach_parasite(Gimp.Parasite.new(PARASITE, _KEPT, list(text.encode())))
+    group.attach_parasite(Gimp.Parasite.new(PARASITE, KEPT, list(text.encode())))
+    if folder is not None:
+        # GIMP's binding takes characters up to 127.
+        packed = base64.b64encode(zlib.compress((folder.path / answer["labels"]["file"]).read_bytes(), 1))
+        group.attach_parasite(Gimp.Parasite.new(SHOWN_PARASITE, KEPT, list(packed)))
 
 
-def stitched_group(layers: Sequence[Gimp.Layer]) -> tuple[Gimp.Layer, dict[str, Any]]:
-    """Return the stitched group or patch that is meant by the selected layers, and what it remembers."""
+def send_shown(folder: RequestFolder, group: Gimp.Layer, memory: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Write what showed where when the masks were written; None where that is not known."""
+    packed = group.get_parasite(SHOWN_PARASITE)
+    if packed is None:
+        return None
+    (folder.path / "written.raw").write_bytes(zlib.decompress(base64.b64decode(bytes(packed.get_data()))))
+    return {**memory["labels"], "file": "written.raw"}
+
+
+def stitched_group(image: Gimp.Image, layers: Sequence[Gimp.Layer]) -> tuple[Gimp.Layer, dict[str, Any]]:
+    """Return the stitched group or patch that is meant by the selected layers, and what it remembers; strokes
+    for a group mean it, too.
+    """
     for layer in layers:
-        item = layer
+        mark = layer.get_parasite(HINTS_PARASITE)
+        item = layer if mark is None else image.get_layer_by_tattoo(int(bytes(mark.get_data())))
         while item is not None:
             parasite = item.get_parasite(PARASITE)
             if parasite is not None:
@@ -224,8 +252,8 @@ def stitched_group(layers: Sequence[Gimp.Layer]) -> tuple[Gimp.Layer, dict[str, 
             item = item.get_parent()
     raise RefusedError(
         _(
-            "Select a group that Stitch Layers has made, a layer in it, or a patch, then choose Re-stitch "
-            "from Paths again."
+            "Select a group that Panorama from Layers or Stitch Layers has made, a layer in it, or a "
+            "patch, then try again."
         )
     )
 

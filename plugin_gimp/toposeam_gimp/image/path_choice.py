@@ -1,10 +1,9 @@
 """GI-free: the choice of an image's paths to be applied to a seam.
 
-A stitched group has two of its own for each seam: a smooth one to bend, and the exact one. Others may lie
-beside them, drawn by hand or imported from a file. A path that is selected in the Paths dialog is meant;
-without one, the only one that is newer than the group; without that, or where the smooth one is selected and
-as it was written, the group's own that was bent, else its smooth one. Where that leaves a doubt, the user is
-asked; where another path could have been expected, it is told.
+A stitched group has one of its own for each seam. Others may lie beside it, drawn by hand or imported from a
+file. A path that is selected in the Paths dialog is meant; without one, the only one that is newer than the
+group's, unless that was bent; else the group's own. Where that leaves a doubt, the user is asked; where
+another path could have been expected, it is told.
 """
 
 from __future__ import annotations
@@ -47,7 +46,7 @@ class Choice(NamedTuple):
 
 
 def chosen(candidates: Sequence[Candidate], seam: str) -> Choice:
-    """Return the paths that are meant for a seam, among its own (smooth one first) and others that fit it.
+    """Return the paths that are meant for a seam, among its own and others that fit it.
 
     Raises
     ------
@@ -56,7 +55,6 @@ def chosen(candidates: Sequence[Candidate], seam: str) -> Choice:
     """
     own = [candidate for candidate in candidates if candidate.own]
     others = [candidate for candidate in candidates if not candidate.own]
-    bent = [candidate for candidate in own if candidate.touched]
     selected = [candidate for candidate in candidates if candidate.selected]
     if any(not candidate.own for candidate in selected) and _drawings(selected) == 1:
         return Choice(selected)
@@ -68,16 +66,12 @@ def chosen(candidates: Sequence[Candidate], seam: str) -> Choice:
         )
     newer = [candidate for candidate in others if candidate.newer]
     if selected:
-        # The smooth one is selected since it was made; any other was selected by the user.
-        wanted = selected[0].touched or selected[0] is not own[0] or not bent
-        meant = selected if wanted else bent[:1]
         text = _(
             "“{used}” was followed, and not “{newer}”, which is newer: the path that is selected counts."
         )
-        return Choice(
-            meant,
-            text.format(used=meant[0].name, newer=newer[0].name) if newer and meant == selected else None,
-        )
+        remark = text.format(used=own[0].name, newer=newer[0].name) if newer else None
+        return Choice(selected, remark)
+    bent = any(candidate.touched for candidate in own)
     if newer and not bent and len(newer) == len(others) and _drawings(newer) == 1:
         text = _("“{used}” was followed, the newest path of the seam {seam}.")
         return Choice(newer, text.format(used=newer[0].name, seam=seam))
@@ -88,14 +82,7 @@ def chosen(candidates: Sequence[Candidate], seam: str) -> Choice:
                 "Paths dialog."
             ).format(seam=seam, paths=_listed(candidates))
         )
-    if len(bent) > 1:
-        raise UnclearError(
-            _(
-                "Both paths of the seam {seam} were bent: {paths}. Select the one that counts in the Paths "
-                "dialog."
-            ).format(seam=seam, paths=_listed(bent))
-        )
-    return Choice(bent or candidates[:1])
+    return Choice(own)
 
 
 def _drawings(candidates: Sequence[Candidate]) -> int:

@@ -14,6 +14,8 @@ from toposeam_gimp.engine.folder import FolderError, RequestFolder, is_full, too
 from toposeam_gimp.image.seen import as_seen
 
 _ROWS = 256
+#: Side of what is looked at in small, px.
+_LOOK = 512
 _BYTES = {"uint8": 1, "uint16": 2, "float32": 4}
 
 
@@ -91,7 +93,7 @@ def send_layer(
     channels = 2 if image.get_base_type() == Gimp.ImageBaseType.GRAY else 4
     with as_seen(image, layer) as seen:
         _nothing, left, top = seen.get_offsets()
-        part = _common((left, top, seen.get_width(), seen.get_height()), box)
+        part = common((left, top, seen.get_width(), seen.get_height()), box)
         if part is None:
             return None
         x, y, width, height = part
@@ -113,7 +115,8 @@ def send_whole(
     return raster
 
 
-def _common(first: Box, second: Box | None) -> Box | None:
+def common(first: Box, second: Box | None) -> Box | None:
+    """Return the box that two have in common; None where there is none."""
     if second is None:
         return first
     left, top = max(first[0], second[0]), max(first[1], second[1])
@@ -140,6 +143,41 @@ def send_channel(folder: RequestFolder, channel: Gimp.Channel, name: str) -> dic
     box = (0, 0, channel.get_width(), channel.get_height())
     raster = _send(folder, channel, f"{name}.raw", Format.MASK_U8.value, "uint8", 1, box)
     return {**raster, "at": list(place_of(channel))}
+
+
+def send_avoided(folder: RequestFolder, channel: Gimp.Drawable | None) -> dict[str, Any] | None:
+    """Write the channel or mask that seams keep away from, if there is one."""
+    return None if channel is None else send_channel(folder, channel, "avoid")
+
+
+def shows(layer: Gimp.Layer, box: Box | None = None) -> bool:
+    """Test whether a layer is anywhere not transparent, at all or within a box, looked at in small."""
+    left, top = place_of(layer)
+    part = common((left, top, layer.get_width(), layer.get_height()), box)
+    if part is None:
+        return False
+    scale = min(1.0, _LOOK / max(part[2:]))
+    x, y, width, height = (round(value * scale) for value in (part[0] - left, part[1] - top, *part[2:]))
+    small = Gegl.Rectangle.new(x, y, max(width, 1), max(height, 1))
+    content = layer.get_buffer().get(small, scale, Format.GRAY_U8.value, Gegl.AbyssPolicy.CLAMP)
+    return any(content[1::2])
+
+
+def send_strokes(folder: RequestFolder, layer: Gimp.Layer, name: str) -> dict[str, Any]:
+    """Write colours and opacity of a layer with strokes, 8 bits, with its place."""
+    box = (0, 0, layer.get_width(), layer.get_height())
+    raster = _send(folder, layer, f"{name}.raw", Format.RGBA_U8.value, "uint8", 4, box)
+    return {**raster, "at": list(place_of(layer))}
+
+
+def receive_strokes(folder: RequestFolder, layer: Gimp.Layer, raster: dict[str, Any]) -> None:
+    """Write a raster of colours and opacity into an inserted layer that holds its place."""
+    left, top = place_of(layer)
+    x, y = raster["at"]
+    box = Gegl.Rectangle.new(x - left, y - top, raster["width"], raster["height"])
+    layer.get_buffer().set(box, Format.RGBA_U8.value, (folder.path / raster["file"]).read_bytes())
+    layer.get_buffer().flush()
+    layer.update(box.x, box.y, box.width, box.height)
 
 
 def place_of(drawable: Gimp.Drawable) -> tuple[int, int]:
@@ -171,7 +209,7 @@ def send_selection_on(folder: RequestFolder, image: Gimp.Image, box: Box) -> dic
     nothing.
     """
     _nothing, _something, left, top, right, bottom = Gimp.Selection.bounds(image)
-    if _common(box, (left, top, right - left, bottom - top)) is None:
+    if common(box, (left, top, right - left, bottom - top)) is None:
         return None
     raster = _send(folder, image.get_selection(), "selection.raw", Format.MASK_U8.value, "uint8", 1, box)
     return {**raster, "at": [box[0], box[1]]}
@@ -213,7 +251,7 @@ def _send_reduced(
     place: tuple[int, int] = (0, 0),
 ) -> dict[str, Any]:
     left, top = place
-    part = _common((left, top, drawable.get_width(), drawable.get_height()), box) or (left, top, 1, 1)
+    part = common((left, top, drawable.get_width(), drawable.get_height()), box) or (left, top, 1, 1)
     x, y = round((part[0] - left) * scale), round((part[1] - top) * scale)
     width, height = max(round(part[2] * scale), 1), max(round(part[3] * scale), 1)
     content = drawable.get_buffer().get(

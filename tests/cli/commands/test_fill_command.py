@@ -25,6 +25,8 @@ def test_a_hole_is_filled_and_its_surroundings_stay(toposeam):
         "6",
         "--also",
         "gravel.png",
+        "--smooth",
+        "0",
         "-o",
         "full.png",
         "--labels",

@@ -1,6 +1,7 @@
 """``toposeam loop``: clips in every format in and out, and what is refused."""
 
 import itertools
+import json
 import shutil
 import socketserver
 import sys
@@ -13,6 +14,7 @@ import pytest
 from PIL import Image
 from scipy import ndimage
 
+from toposeam_cli.media.clips.cut import Cut, Duration
 from toposeam_cli.media.clips.reading import read_clip
 from toposeam_cli.media.pictures.picture import read_picture
 
@@ -75,7 +77,9 @@ def video(tmp_path):
 
 
 def test_a_webp_becomes_a_loop_of_its_own_frames(toposeam, clip, tmp_path):
-    ran = toposeam("loop", clip, "-o", tmp_path / "loop.webp", "--length", "12", "--transition", "5")
+    ran = toposeam(
+        *("loop", clip, "-o", tmp_path / "loop.webp", "--length", "12", "--transition", "5", "--no-level")
+    )
     assert ran.code == 0, ran
     assert "12 frames (0.48 s)" in ran.out
     made, durations = shown(tmp_path / "loop.webp")
@@ -84,6 +88,44 @@ def test_a_webp_becomes_a_loop_of_its_own_frames(toposeam, clip, tmp_path):
     given = frames()
     for pixels in made:  # each pixel is that of some frame: nothing is blended
         assert (pixels[None] == given).all(axis=3).any(axis=0).all()
+
+
+def test_a_part_of_a_clip_is_read_at_a_smaller_size(toposeam, clip, tmp_path):
+    cut = ("--from", "0.16s", "--to", "20", "--scale", "0.5", "--max-megapixels", "0.006", "--json")
+    ran = toposeam("loop", clip, "-o", tmp_path / "part", *cut)
+    assert ran.code == 0, ran
+    said = json.loads(ran.out)
+    made = [read_picture(file).pixels for file in sorted((tmp_path / "part").iterdir())]
+    assert said["frames"] == len(made) <= 16
+    assert made[0].shape == (16, 20, 3)
+    assert set(said) >= {"level", "shows", "look_at_frame", "camera_moved", "jumps", "seconds"}
+    ran = toposeam("loop", clip, "-o", tmp_path / "none.gif", "--from", "3s")
+    assert ran.code == 1
+    assert "no frames between --from and --to" in ran.err
+    ran = toposeam("loop", clip, "-o", tmp_path / "none.gif", "--max-megapixels", "0.006")
+    assert "read less of it (--from, --to, --scale)" in ran.err
+
+
+def test_a_part_of_a_video_and_of_a_folder_is_read(toposeam, video, tmp_path):
+    part = read_clip(video(), None, 10**6, Cut(first=Duration(4, False), last=Duration(0.5, True)))
+    assert part.frames.shape[0] == 9  # frames 4 to 12, at 25 a second
+    whole = read_clip(tmp_path / "clip.mp4", None, 10**6)
+    np.testing.assert_array_equal(part.frames, whole.frames[4:13])
+    folder = tmp_path / "deep"
+    folder.mkdir()
+    for index, frame in enumerate(frames(10)[..., 0].astype(np.uint16) * 257):
+        Image.fromarray(frame).save(folder / f"{index}.png")
+    part = read_clip(folder, None, 10**6, Cut(first=Duration(3, False), scale=0.25))
+    assert part.frames.shape == (7, 8, 10)
+    assert part.frames.dtype == np.uint16
+
+
+def test_a_moving_camera_is_said(toposeam, tmp_path):
+    moving = animated(tmp_path / "pan.webp", frames(40, size=(32, 40)), lossless=True)
+    ran = toposeam("loop", moving, "-o", tmp_path / "pan.gif")
+    assert ran.code == 0, ran
+    assert "the whole picture moves" in ran.err
+    assert "stabilise the clip first" in ran.err
 
 
 @pytest.mark.medium
@@ -112,7 +154,12 @@ def test_deep_frames_stay_deep(toposeam, tmp_path):
     folder.mkdir()
     for index, frame in enumerate(frames(16)[..., 0].astype(np.uint16) * 257 + 3):
         Image.fromarray(frame).save(folder / f"{index + 1}.png")  # 10 comes after 9
-    assert toposeam("loop", folder, "-o", tmp_path / "out", "--length", "8", "--transition", "4").code == 0
+    assert (
+        toposeam(
+            "loop", folder, "-o", tmp_path / "out", "--length", "8", "--transition", "4", "--no-level"
+        ).code
+        == 0
+    )
     made = [read_picture(file).pixels for file in sorted((tmp_path / "out").iterdir())]
     assert made[0].dtype == np.uint16
     assert all((frame % 257 == 3).all() for frame in made)

@@ -219,7 +219,7 @@ def test_a_sheet_starting_between_pixels_shows_no_lines(folder, toposeam):
         ("motif -o m.gif", "'.gif' is not supported"),
         ("motif -o motif.png", "pass --force"),
         ("motif -o m.png --palette autumn", "choose one of spring"),
-        ("motif -o m.png --layers 9 --palette fall", "use fewer layers"),
+        ("motif -o m.png --layers 9 --palette '#ffffff #ff0000'", "use fewer layers"),
         ("motif -o m.png --palette '#ffffff'", "has no ink"),
         ("motif -o m.png --palette nowhere.png", "there is no file"),
         ("motif -o m.png --palette clear.png", "is transparent everywhere"),

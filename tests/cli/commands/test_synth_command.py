@@ -87,6 +87,47 @@ def test_a_texture_is_grown_with_all_that_belongs_to_it(toposeam):
     np.testing.assert_array_equal(read_picture("again.png").pixels, big.pixels)
 
 
+def written(name, values, alpha=None):
+    write_picture(name, Picture(pixels=np.ascontiguousarray(values), alpha=alpha))
+
+
+def test_maps_keep_their_depth_format_and_values(toposeam):
+    y, x = np.indices((64, 70))
+    heights = (x * 0.9 - y * 0.1).astype(np.float32)  # in some unit: -6.3 to 62.1
+    written("height.tif", heights)
+    written("deep.png", (x * 900 + y).astype(np.uint16))
+    written("packed.png", (y * 3).astype(np.uint8), (255 - x).astype(np.uint8))
+    ran = toposeam(
+        *("synth", "moss.png", *ASKED, "--no-level", "-o", "wall.jpg", "--coordinates", "from.png"),
+        *("--also", "height.tif", "--also", "deep.png", "--also", "packed.png", "--normal", "normal.png"),
+    )
+    assert ran.code == 0, ran
+    column, row, _ = np.moveaxis(read_picture("from.png").pixels, 2, 0)
+    assert read_picture("wall.jpg").pixels.dtype == np.uint8
+    np.testing.assert_array_equal(read_picture("wall_height.tif").pixels, heights[row, column])
+    np.testing.assert_array_equal(read_picture("wall_deep.png").pixels, column.astype(np.uint16) * 900 + row)
+    packed = read_picture("wall_packed.png")
+    np.testing.assert_array_equal(packed.pixels, row * 3)
+    np.testing.assert_array_equal(packed.alpha, 255 - column)
+    assert read_picture("wall_normal.png").pixels.dtype == np.uint16
+
+
+def test_values_that_a_format_would_clip_are_refused_first(toposeam, folder):
+    written("height.tif", np.linspace(-7.25, 58.3, 64 * 70, dtype=np.float32).reshape(64, 70))
+    written("hole.png", np.uint8(255) * (np.indices((64, 70)).min(axis=0) > 55))
+    for command in (
+        ("synth", "height.tif", *ASKED),
+        ("tile", "height.tif"),
+        ("fill", "height.tif", "--mask", "hole.png"),
+    ):
+        ran = toposeam(*command, "-o", "o.png")
+        assert ran.code == 1, ran
+        assert (
+            "cannot hold the values of height.tif, -7.25 to 58.3: .png ends at 0 and 1; write .tif" in ran.err
+        )
+    assert not (folder / "o.png").exists()
+
+
 def test_several_sources_of_unlike_depth_become_one_texture(toposeam):
     assert toposeam("synth", "moss.png", "gray.tif", *ASKED, "-o", "both.tif").code == 0
     assert read_picture("both.tif").pixels.dtype == np.float32

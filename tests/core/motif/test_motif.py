@@ -63,7 +63,7 @@ def test_subtractive_mixing_is_a_product_over_paper():
 @pytest.mark.medium
 @pytest.mark.parametrize("repeat", ["none", "reflect", "translate", "rotate", "p4g", "p6m"])
 def test_any_size_is_the_same_picture(repeat):
-    motif = ts.generate_motif(48, layers=1, repeat=repeat, seed=2)
+    motif = ts.generate_motif(48, layers=1, repeat=repeat, seed=3)
     rows, columns = motif.densities.shape[1:]
     large = motif.resampled((4 * rows, 4 * columns))[0]
     # The mean over what a pixel became is that pixel, but for a cubic's overshoot, clipped to [0, 1].
@@ -129,6 +129,17 @@ def test_named_palettes_and_those_of_pictures():
     )
 
 
+@pytest.mark.parametrize("name", ts.PALETTES)
+def test_palettes_have_inks_for_as_many_layers_as_there_are(name):
+    six, all_of_them = ts.palette(name, 6).inks, ts.palette(name, 16).inks
+    np.testing.assert_array_equal(all_of_them[:6], six)  # further ones change nothing of these
+    apart = np.linalg.norm(all_of_them[:, np.newaxis] - all_of_them, axis=2) + np.eye(16)
+    assert apart.min() > 0.03
+    assert len(ts.random_recipe(16, layers=16, seed=5).layers) == 16
+    with pytest.raises(ts.OptionError, match="21 inks with their mixtures, 22"):
+        ts.palette(name, 22)
+
+
 SPOT = [(0.5, 0.5)]
 
 
@@ -154,7 +165,7 @@ SPOT = [(0.5, 0.5)]
         ({"layers": 0}, "layers"),
         ({"edge": "hard"}, "edge"),
         ({"edge": ["soft"]}, "has 2"),
-        ({"layers": 9, "palette": "sumi"}, "inks"),
+        ({"layers": 22, "palette": "sumi"}, "inks"),
         ({"palette": "mauve"}, "palette"),
         ({"palette": np.zeros((4, 4, 3))}, "colours"),
         ({"repeat": "p7"}, "repeat"),

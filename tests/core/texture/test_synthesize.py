@@ -164,13 +164,59 @@ def test_variety_keeps_copies_of_the_same_place_apart(sample):
     assert near(0.5) < 0.7 * near(0)
 
 
+@pytest.mark.parametrize("weight", [0.5, 1.0])
+@pytest.mark.filterwarnings("error")
+def test_what_a_guide_asks_for_is_laid_however_little(sample, weight):
+    """A disc of 5 % and a road of another texture: limits against repetition used to run out of it."""
+    ground, stone = sample(1, (72, 72)), 255 - sample(2, (72, 72)) // 3
+    y, x = np.indices((160, 160))
+    for wanted in (np.hypot(y - 60, x - 100) < 20, np.abs(x - 80 - 30 * np.sin(y / 25)) < 10):
+        made = ts.synthesize(
+            [ground, stone],
+            (160, 160),
+            guide=wanted.astype(float),
+            guide_source=[np.zeros((72, 72)), np.ones((72, 72))],
+            guide_weight=weight,
+        )
+        assert (made.exemplar.astype(bool) != wanted).mean() <= 0.03
+        assert made.patch[0] < ts.natural_patch(ground)
+
+
+def unit_vectors(seed, shape):
+    slopes = np.random.default_rng(seed).normal(size=(*shape, 2))
+    vectors = np.concatenate([slopes, np.ones((*shape, 1))], axis=2)
+    return vectors / np.linalg.norm(vectors, axis=2, keepdims=True)
+
+
+@pytest.mark.parametrize("signed", [True, False])
+def test_normals_mixed_at_seams_have_length_1(sample, signed):
+    source, vectors = sample(7, channels=3), unit_vectors(3, (64, 72))
+    given = vectors if signed else np.rint((vectors + 1) * 32767.5).astype(np.uint16)
+    made = ts.synthesize(source, (90, 70), patch=32, normal=given, maps=[source[..., 0]], weights=[1, 1, 0])
+    assert made.normal.dtype == given.dtype
+    hard, mixed = (made.apply(given, smooth=smooth) for smooth in (0, 1))
+    assert 0 < (made.normal != hard).any(axis=2).sum() <= (mixed != hard).any(axis=2).sum()
+
+    def lengths(values):
+        return np.linalg.norm(values if signed else values / 32767.5 - 1, axis=2)
+
+    assert lengths(mixed).min() < 0.9  # what mixing alone would give
+    np.testing.assert_allclose(lengths(made.normal), 1, atol=1e-4)
+    for refused, words in (({"normal": source[..., 0]}, "one channel"), ({"turns": "all"}, "turned patches")):
+        with pytest.raises(ts.TopoSeamError, match=words):
+            ts.synthesize(source, 60, patch=24, **{"normal": given, **refused})
+
+
 def test_further_maps_are_cut_alike(sample):
     source = sample(7, channels=3)
     other = sample(8, dtype=np.uint16)
     made = ts.synthesize(source, (90, 70), patch=32, maps=[other, source], weights=[1, 0.5, 0])
-    np.testing.assert_array_equal(made.maps[1], made.image)
-    np.testing.assert_array_equal(made.maps[0], made.apply(other))
+    np.testing.assert_array_equal(made.maps[1], made.apply(source, smooth=0))
+    np.testing.assert_array_equal(made.maps[0], made.apply(other, smooth=0))
     assert made.maps[0].dtype == np.uint16
+    # Heights and numbers of materials are those of the map, also where colours are mixed at seams.
+    np.testing.assert_array_equal(made.maps[0], other[made.source[..., 0], made.source[..., 1]])
+    assert (made.image != made.maps[1]).any()
     # The second map must count in the search: without it other patches are taken.
     alone = ts.synthesize(source, (90, 70), patch=32)
     assert (alone.source != made.source).any()

@@ -101,5 +101,5 @@ def check_pixels(name: str, count: int, shape: tuple[int, ...], max_pixels: int)
     if count * width * height > max_pixels:
         raise ImageError(
             f"{name} has {count} frames of {width} × {height} px, {count * width * height / 1e6:.0f} "
-            "megapixels; cut or shrink it, or allow more with --max-megapixels"
+            "megapixels; read less of it (--from, --to, --scale), or allow more with --max-megapixels"
         )

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from toposeam.errors import ImageError, MissingPackageError
 from toposeam_cli.media.clips.clip import DEFAULT_RATE, Clip, check_pixels, evenly
+from toposeam_cli.media.clips.cut import Cut
 from toposeam_cli.media.pictures.picture import read_picture
 
 #: Pictures that may hold several frames, read by Pillow.
@@ -31,13 +32,14 @@ _CONTAINERS = (
 _OPENED = {"format_whitelist": _CONTAINERS, "protocol_whitelist": "file"}
 
 _Frame = npt.NDArray[np.uint8]
+_WHOLE = Cut()
 
 
 class OneFrameError(ImageError):
     """A picture where a clip was wanted."""
 
 
-def read_clip(path: Path, rate: Fraction | None, max_pixels: int) -> Clip:
+def read_clip(path: Path, rate: Fraction | None, max_pixels: int, cut: Cut = _WHOLE) -> Clip:
     """Read a video, an animated picture, or a folder of frames.
 
     Parameters
@@ -48,6 +50,8 @@ def read_clip(path: Path, rate: Fraction | None, max_pixels: int) -> Clip:
         moment.
     max_pixels : int
         Frames times width times height above which the clip is refused.
+    cut : Cut
+        What is read of it.
 
     Raises
     ------
@@ -60,15 +64,15 @@ def read_clip(path: Path, rate: Fraction | None, max_pixels: int) -> Clip:
         For videos, without PyAV.
     """
     if path.is_dir():
-        return _read_folder(path, rate, max_pixels)
+        return _read_folder(path, rate, max_pixels, cut)
     if not path.exists():
         raise ImageError(f"there is no file '{path}'; check the name")
     if path.suffix.lower() in ANIMATED:
-        return _read_animated(path, rate, max_pixels)
-    return _read_video(path, rate, max_pixels)
+        return _read_animated(path, rate, max_pixels, cut)
+    return _read_video(path, rate, max_pixels, cut)
 
 
-def _read_folder(folder: Path, rate: Fraction | None, max_pixels: int) -> Clip:
+def _read_folder(folder: Path, rate: Fraction | None, max_pixels: int, cut: Cut) -> Clip:
     files = sorted(
         (
             file
@@ -80,6 +84,9 @@ def _read_folder(folder: Path, rate: Fraction | None, max_pixels: int) -> Clip:
     if not files:
         raise ImageError(f"the folder '{folder}' holds no frames; put {', '.join(FRAMES)} files there")
     frames: list[Any] = []
+    each = rate or DEFAULT_RATE
+    files = [file for index, file in enumerate(files) if cut.wants(index, index / each)]
+    cut.check(len(files), f"the folder '{folder}'")
     for file in files:
         picture = read_picture(file, max_pixels // len(files) or 1)
         pixels = picture.pixels
@@ -88,8 +95,8 @@ def _read_folder(folder: Path, rate: Fraction | None, max_pixels: int) -> Clip:
         if picture.alpha is not None:
             rgb = np.repeat(pixels[..., None], 3, axis=2) if pixels.ndim == 2 else pixels
             pixels = np.concatenate([rgb, picture.alpha[..., None]], axis=2)
-        frames.append(pixels)
-        first = frames[0]
+        frames.append(cut.scaled(pixels))
+        pixels, first = frames[-1], frames[0]
         if pixels.shape != first.shape or pixels.dtype != first.dtype:
             raise ImageError(
                 f"{file.name} is {_shown(pixels)}, and {files[0].name} is {_shown(first)}; make all frames "
@@ -108,7 +115,7 @@ def _shown(pixels: npt.NDArray[Any]) -> str:
     return f"{pixels.shape[1]} × {pixels.shape[0]} px with {channels} × {8 * pixels.dtype.itemsize} bits"
 
 
-def _read_animated(path: Path, rate: Fraction | None, max_pixels: int) -> Clip:
+def _read_animated(path: Path, rate: Fraction | None, max_pixels: int, cut: Cut) -> Clip:
     from PIL import Image, ImageSequence, UnidentifiedImageError
 
     frames: list[_Frame] = []
@@ -117,16 +124,24 @@ def _read_animated(path: Path, rate: Fraction | None, max_pixels: int) -> Clip:
     try:
         with warnings.catch_warnings(action="ignore"), Image.open(path) as picture:
             count = getattr(picture, "n_frames", 1)
-            check_pixels(str(path), count, (picture.height, picture.width), max_pixels)
+            info = Fraction(1000, round(float(picture.info.get("duration", 0) or 100)) or 100)
+            check_pixels(
+                str(path), cut.count(count, info), cut.shape(picture.height, picture.width), max_pixels
+            )
             if count < 2:
                 raise OneFrameError(f"{path} holds one frame; a clip needs several")
             wide = picture.mode in ("RGBA", "LA", "PA") or "transparency" in picture.info
-            for frame in ImageSequence.Iterator(picture):
+            for index, frame in enumerate(ImageSequence.Iterator(picture)):
                 pixels = np.asarray(frame.convert("RGBA" if wide else "RGB"))
-                starts.append(at)  # how long it is shown is known only now
+                if cut.ended(index, at):
+                    break
+                if cut.wants(index, at):
+                    starts.append(at)
+                    frames.append(cut.scaled(pixels))
+                    check_pixels(str(path), len(frames), frames[0].shape, max_pixels)
+                # How long it is shown is known only now.
                 shown = Fraction(round(1000 * float(frame.info.get("duration", 0) or 100)), 1_000_000)
                 at += shown
-                frames.append(pixels)
     except Image.DecompressionBombError as error:
         raise ImageError(
             f"{path} has more pixels than any animation that is read; make it smaller first"
@@ -137,6 +152,7 @@ def _read_animated(path: Path, rate: Fraction | None, max_pixels: int) -> Clip:
         if isinstance(error, ImageError):
             raise
         raise ImageError(f"{path} is damaged or cut short ({error}); copy or save it again") from error
+    cut.check(len(frames), str(path))
     if len(frames) < 2:
         raise OneFrameError(f"{path} holds one frame; a clip needs several")
     if wide and all((frame[..., 3] == 255).all() for frame in frames):
@@ -145,7 +161,7 @@ def _read_animated(path: Path, rate: Fraction | None, max_pixels: int) -> Clip:
     return Clip(frames=stacked, rate=even)
 
 
-def _read_video(path: Path, rate: Fraction | None, max_pixels: int) -> Clip:
+def _read_video(path: Path, rate: Fraction | None, max_pixels: int, cut: Cut) -> Clip:
     try:
         import av
     except ImportError as error:
@@ -165,11 +181,20 @@ def _read_video(path: Path, rate: Fraction | None, max_pixels: int) -> Clip:
             stream.thread_type = "AUTO"
             expected = stream.frames
             last = 1 / stream.average_rate if stream.average_rate else Fraction(1, 25)
-            check_pixels(str(path), max(expected, 1), (stream.height, stream.width), max_pixels)
+            size = cut.shape(stream.height, stream.width)
+            check_pixels(str(path), max(cut.count(expected, stream.average_rate), 1), size, max_pixels)
+            seen, begin = 0, None
             for frame in container.decode(stream):
-                frames.append(_upright(frame))
-                starts.append(Fraction(frame.pts or 0) * (frame.time_base or 1))
-                check_pixels(str(path), len(frames), (frame.height, frame.width), max_pixels)
+                at = Fraction(frame.pts or 0) * (frame.time_base or 1)
+                begin = at if begin is None else begin
+                if cut.ended(seen, at - begin):
+                    expected = min(expected, seen)
+                    break
+                if cut.wants(seen, at - begin):
+                    frames.append(cut.scaled(_upright(frame)))
+                    starts.append(at)
+                    check_pixels(str(path), len(frames), frames[0].shape, max_pixels)
+                seen += 1
             sound = bool(container.streams.audio)
     except (av.FFmpegError, OSError) as error:
         if isinstance(error, ImageError):
@@ -178,12 +203,11 @@ def _read_video(path: Path, rate: Fraction | None, max_pixels: int) -> Clip:
             f"{path} cannot be read as a video ({getattr(error, 'strerror', None) or error}): it is damaged, "
             "cut short, or of another kind; copy or convert it again"
         ) from error
-    if not frames:
+    if not seen:
         raise ImageError(f"{path} holds no frames; convert it again")
-    if len(frames) < 0.9 * expected:
-        raise ImageError(
-            f"{path} is cut short: {len(frames)} of {expected} frames can be read; copy it again"
-        )
+    cut.check(len(frames), str(path))
+    if seen < 0.9 * expected:
+        raise ImageError(f"{path} is cut short: {seen} of {expected} frames can be read; copy it again")
     order = sorted(range(len(frames)), key=starts.__getitem__)
     stacked, even = evenly(
         [frames[index] for index in order],

@@ -42,6 +42,10 @@ _BIGTIFF_BYTES = 3_500_000_000
 _CODED_PIXELS = 64_000_000
 
 
+#: What lies so little beyond [0, 1] is rounded to it: half a step of 16 bits.
+_SLACK = 0.5 / 65535
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Format:
     """Capabilities of a file format, and its writer."""
@@ -197,6 +201,26 @@ def check_size(path: Path, width: int, height: int) -> None:
         raise ImageError(
             f"'{path}' would be {width} x {height} pixels, but {path.suffix} ends at {kind.max_side} a side; "
             "write .png or .tif instead"
+        )
+
+
+def check_values(path: Path, picture: Picture) -> None:
+    """Refuse, before it is computed on, a picture in floating point whose values a file of that extension
+    would clip.
+
+    Raises
+    ------
+    ImageError
+    """
+    kind = _FORMATS.get(path.suffix.lower())
+    if kind is None or picture.pixels.dtype != np.float32 or picture.pixels.dtype in kind.depths:
+        return
+    low, high = float(picture.pixels.min()), float(picture.pixels.max())
+    if low < -_SLACK or high > 1 + _SLACK:
+        name = picture.source.name if picture.source else "the picture"
+        raise ImageError(
+            f"'{path}' cannot hold the values of {name}, {low:g} to {high:g}: {path.suffix} ends at 0 and 1; "
+            "write .tif instead"
         )
 
 

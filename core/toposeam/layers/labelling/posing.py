@@ -261,6 +261,11 @@ def _cores_of(
         return None
     if whole and core is not None and any((_depth(places, covered, box) == 1).any() for box in blocks(place)):
         return None
+    if core is None and not whole:
+        # Of a layer that lies at both ends of a round canvas most columns are empty.
+        runs = _occupied(covered[index])
+        if sum(map(len, runs)) < place.shape[1] and not _lies_in_another(index, places, covered, runs):
+            return None
     cover = dense(covered[index])
     piece, count = (cover.astype(np.int32), 1) if whole else pieces_of(cover)
     size, inside = np.bincount(piece.ravel(), minlength=count + 1), np.zeros(count + 1, bool)
@@ -284,6 +289,33 @@ def _cores_of(
     numbers[:, :] = piece
     box = Box(rows.start, columns.start, rows.stop, columns.stop).moved(*place[:2])
     return _Cores(index, box, numbers, np.bincount(piece.ravel(), minlength=count + 1))
+
+
+def _occupied(cover: Mask) -> list[range]:
+    """The runs of columns in which a mask has pixels."""
+    used = np.zeros(cover.shape[1] + 2, bool)
+    for box in blocks(Box(0, 0, *cover.shape)):
+        used[1 + box.left : 1 + box.right] |= cover[box.slices].any(axis=0)
+    edges = np.flatnonzero(np.diff(used)).tolist()
+    return [range(start, stop) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _lies_in_another(
+    index: int, places: Sequence[Box], covered: Sequence[Mask], runs: Sequence[range]
+) -> bool:
+    """Whether a connected piece of some runs of a layer's columns lies inside another layer."""
+    place = places[index]
+    for run in runs:
+        piece, count = pieces_of(dense(covered[index][:, run.start : run.stop]))
+        size = np.bincount(piece.ravel(), minlength=count + 1)
+        box = Box(place.top, place.left + run.start, place.bottom, place.left + run.stop)
+        for other, theirs in zip(_but(index, places), _but(index, covered), strict=True):
+            common = box.shared(other)
+            if all(common.shape):
+                held = piece[common.within(box)][cut(theirs, other, common)]
+                if (np.bincount(held, minlength=count + 1) == size)[1:].any():
+                    return True
+    return False
 
 
 def _but(index: int, values: Sequence[_T]) -> Sequence[_T]:

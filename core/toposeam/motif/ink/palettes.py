@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 import numpy.typing as npt
@@ -59,8 +60,8 @@ def palette(source: str | npt.ArrayLike, n: int) -> Palette:
     Parameters
     ----------
     source : str or (H, W, 3) array_like
-        A name from `PALETTES`, or a picture: its lightest main colour becomes the paper, the others the inks
-        that give them on it.
+        A name from `PALETTES`, whose inks are mixed where they are too few, or a picture: its lightest main
+        colour becomes the paper, the others the inks that give them on it.
     n : int
         Number of inks.
 
@@ -79,14 +80,29 @@ def palette(source: str | npt.ArrayLike, n: int) -> Palette:
     if isinstance(source, str):
         if source not in PALETTES:
             raise OptionError(f"palette {source!r} is not known; choose one of {', '.join(PALETTES)}")
-        colours = np.array([parse_colour(text) for text in PALETTES[source]])
-        if n > len(colours) - 1:
+        paper, *inks = [np.array(parse_colour(text)) for text in PALETTES[source]]
+        if n > len(inks):
+            inks += _mixed(paper, inks, n - len(inks))
+        if n > len(inks):
             raise OptionError(
-                f"palette {source} has {len(colours) - 1} inks, {n} were asked for; use fewer layers or give "
-                "the inks"
+                f"palette {source} has {len(inks)} inks with their mixtures, {n} were asked for; use fewer "
+                "layers or give the inks"
             )
-        return Palette(paper=colours[0], inks=colours[1 : n + 1])
+        return Palette(paper=paper, inks=np.array(inks[:n]))
     return _from_picture(source, n)
+
+
+def _mixed(paper: Floats, inks: list[Floats], count: int) -> list[Floats]:
+    """Mix up to `count` further inks, halves of two each: time and again the one that is least like the paper
+    and all inks there are.
+    """
+    mixtures = [(one + other) / 2 for one, other in combinations(inks, 2)]
+    chosen: list[Floats] = []
+    while mixtures and len(chosen) < count:
+        there = np.array([paper, *inks, *chosen])
+        apart = [np.square(there - mixture).sum(axis=1).min() for mixture in mixtures]
+        chosen.append(mixtures.pop(int(np.argmax(apart))))
+    return chosen
 
 
 def _from_picture(source: npt.ArrayLike, n: int) -> Palette:

@@ -3,7 +3,8 @@ r"""The edges of strokes: what is printed where the optimisation left a density 
 An optimised density is nearly 0 or 1, but for a haze a few elements wide round every stroke. Interpolated to
 print size the haze is a blur. Its contours are not: the line where the density, smoothed by a quarter of an
 element, crosses a level t is as sharp at any size, and t is chosen so that what lies above it is as much as
-the mean density. A stroke is then as wide as the mass that was spent on it.
+the mean density. A stroke is then as wide as the mass that was spent on it. Pieces and holes that
+are too small to be meant are left out (:mod:`toposeam.motif.ink.stroke_repair`).
 
 On pixels the contour is drawn by its distance. Near it a density f rises by about \|f_x\| + \|f_y\| over the
 pixel, so that a pixel's share beyond the contour is (f - t) / (\|f_x\| + \|f_y\|) + 1/2, in [0, 1]: exact for
@@ -19,6 +20,7 @@ import numpy.typing as npt
 from scipy import ndimage
 
 from toposeam.checks import check_choice
+from toposeam.motif.ink.stroke_repair import crumbs, holes
 from toposeam.motif.symmetry.tiling import extend
 
 Singles = npt.NDArray[np.float32]
@@ -28,6 +30,8 @@ Singles = npt.NDArray[np.float32]
 EDGES = ("soft", "crisp", "ink")
 #: Smoothing before contours are taken, in elements: takes the staircase off hard edges.
 SMOOTHING = 0.25
+#: Share of a pixel from which on it is seen as ink.
+_SEEN = 0.1
 #: Ink goes on to this share of the level of equal mass.
 _WET = 0.5
 #: Cells smaller than this are doubled before their contours are taken.
@@ -111,6 +115,9 @@ def printed(
     wide = down * size[0], across * size[1]
     field = smoothed(sample(wide), repeat, (wide[0] / elements[0], wide[1] / elements[1]))
     inside = beyond(field, at, repeat)
+    for least in (0.5, _SEEN):  # and what of the pixels round a crumb is left on its own
+        inside[crumbs(inside > least, repeat)] = 0
+    inside[holes(inside > 0.5, repeat)] = 1
     if edge == "ink":
         inside *= np.clip(field * gain, 0.0, 1.0)
     if down * across > 1:

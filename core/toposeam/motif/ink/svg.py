@@ -21,6 +21,7 @@ from toposeam.checks import check_kind, check_range, check_whole, options_from, 
 from toposeam.colours import to_hex
 from toposeam.errors import OptionError, Term
 from toposeam.motif.ink.stroke_edges import SMOOTHING, fineness
+from toposeam.motif.ink.stroke_repair import crumbs, holes
 from toposeam.motif.symmetry.tiling import extend, period, tile
 from toposeam.vector.contours import MARGIN_PX, contour_beyond
 
@@ -258,6 +259,8 @@ def _layer(
     wide = extend(density, rule, MARGIN_PX + blur).astype(np.float64)
     inner = slice(blur, len(wide) - blur), slice(blur, wide.shape[1] - blur)
     smooth = ndimage.gaussian_filter(wide, SMOOTHING * fine)[inner]
+    if bands.edge != "soft":
+        smooth = _whole(smooth, rule, float(bands.thresholds[0]))
     typical = bands.tones(smooth[MARGIN_PX:-MARGIN_PX, MARGIN_PX:-MARGIN_PX])
     lines = [
         f'<g id="ink-{name[0]}" inkscape:groupmode="layer" inkscape:label="{escape(name[1])}" '
@@ -275,6 +278,13 @@ def _layer(
             colour = to_hex(1.0 - typical[level] * (1.0 - ink))
             lines.append(f'<path fill="{colour}" fill-rule="evenodd" d="{data}"/>')
     return [*lines, "</g>"]
+
+
+def _whole(smooth: Floats, rule: str, at: float) -> Floats:
+    """Return a cell and what lies round it without pieces and holes that are too small."""
+    inside = smooth[MARGIN_PX:-MARGIN_PX, MARGIN_PX:-MARGIN_PX] > at
+    smooth = np.where(extend(crumbs(inside, rule), rule, MARGIN_PX), 0.0, smooth)
+    return np.where(extend(holes(inside, rule), rule, MARGIN_PX), np.maximum(smooth, 1.5 * at), smooth)
 
 
 def _number(value: float) -> str:

@@ -186,7 +186,7 @@ def _move(
             before, mass = designs[index], layers[index].mass
             step = update(before, slopes[index], border.symmetry, mass, bounds, lower, upper)
             lowest, highest = np.maximum(before - limit, lower), np.minimum(before + limit, upper)
-            found[index] = border.held(step, mass, lowest, highest)
+            found[index] = border.held(step, mass, lowest, highest, wash=layers[index].edge != "crisp")
         return found
 
     found = proposed()

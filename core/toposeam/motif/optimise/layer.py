@@ -130,7 +130,9 @@ def optimise_layer(
                 np.maximum(density - recipe.move, THINNEST),
                 np.minimum(density + recipe.move, 1),
             )
-            density = mirrors(recipe.repeat, shape).held(proposed, layer.mass, lowest, highest)
+            density = mirrors(recipe.repeat, shape).held(
+                proposed, layer.mass, lowest, highest, wash=layer.edge != "crisp"
+            )
             if progress is not None:
                 progress(len(steps))
     assert density is not None  # noqa: S101

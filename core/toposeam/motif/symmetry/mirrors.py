@@ -10,7 +10,8 @@ each
 Each has a multiplier of its own, λ_y, beside that of the whole mass. In an update by optimality criteria it
 is a factor on the row, :math:`\rho_e\,(-\partial\Pi/\partial\rho_e\,/\,\lambda\lambda_y)^\eta`, and strokes
 grow across the mirror where they help most. Lines through centres of turns by 90° or 60°, where many copies
-meet, are treated alike.
+meet, are treated alike. In ink wash rows that differ from the next would show as hairlines, and so would the
+band's end: there the band has one factor, which fades out towards its end.
 """
 
 from __future__ import annotations
@@ -32,15 +33,22 @@ _LARGEST, _PASSES = 1.0, 6
 
 @dataclass(frozen=True)
 class _Line:
-    """The rows near one line, what shares of the means before and after they should have, and whose."""
+    """The rows near one line, what shares of the means before and after they should have, and whose; and how
+    fully they get it in wash.
+    """
 
     rows: npt.NDArray[np.intp]
     share: Floats
+    fully: Floats
     before: npt.NDArray[np.intp]
     after: npt.NDArray[np.intp]
 
-    def factors(self, mean: Floats) -> Floats:
+    def factors(self, mean: Floats, wash: bool) -> Floats:
         wanted = (1 - self.share) * mean[self.before].mean() + self.share * mean[self.after].mean()
+        if wash:
+            lacking = np.log((self.fully * wanted).sum() / (self.fully * mean[self.rows]).sum())
+            whole: Floats = self.fully * np.clip(lacking, -_LARGEST, _LARGEST)
+            return whole
         found: Floats = np.clip(np.log(wanted / mean[self.rows]), -_LARGEST, _LARGEST)
         return found
 
@@ -78,36 +86,38 @@ class Mirrors:
         )
         self.any = any(self._lines)
 
-    def held(self, density: Floats, mass: float, lowest: Floats, highest: Floats) -> Floats:
+    def held(
+        self, density: Floats, mass: float, lowest: Floats, highest: Floats, *, wash: bool = False
+    ) -> Floats:
         """Return a design with as much on mirrors as beside them, within bounds, and with the mass that it
-        should have where they allow.
+        should have where they allow: each row of the band, or, of wash, the band as a whole.
         """
         if not self.any:
             return density
         for _ in range(_PASSES):
-            density = np.clip(self._levelled(density), lowest, highest)
+            density = np.clip(self._levelled(density, wash), lowest, highest)
             density = np.clip(density * (mass / density.mean()), lowest, highest)
         return self.symmetry.mean(density)
 
-    def _levelled(self, density: Floats) -> Floats:
-        rows = self._factors(0, density.mean(axis=1))[:, np.newaxis]
+    def _levelled(self, density: Floats, wash: bool) -> Floats:
+        rows = self._factors(0, density.mean(axis=1), wash)[:, np.newaxis]
         if self._columns is None:
             levelled: Floats = density * np.exp(rows)
-            levelled *= np.exp(self._factors(1, levelled.mean(axis=0)))
+            levelled *= np.exp(self._factors(1, levelled.mean(axis=0), wash))
             return levelled
         count = 2 * density.shape[1]
         # Every second row has an element in a column.
         mean = np.bincount(self._columns.ravel(), density.ravel(), count) / (density.shape[0] / 2)
-        both = self.symmetry.mean(rows + self._factors(1, mean)[self._columns])
+        both = self.symmetry.mean(rows + self._factors(1, mean, wash)[self._columns])
         for along in ((0, 1), (1, 0), (1, 1)):  # else centres, where all lines cross, have more than the rest
             back = (-along[0], -along[1])
             both = (np.roll(both, along, (0, 1)) + 2 * both + np.roll(both, back, (0, 1))) / 4
         return density * np.exp(both)
 
-    def _factors(self, axis: int, mean: Floats) -> Floats:
+    def _factors(self, axis: int, mean: Floats, wash: bool) -> Floats:
         found = np.zeros(len(mean))
         for line in self._lines[axis]:
-            found[line.rows] += line.factors(mean)
+            found[line.rows] += line.factors(mean, wash)
         return found
 
 
@@ -141,15 +151,24 @@ def _line(place: float, count: int, free: bool) -> _Line:
     if free:  # beyond the edge is the mirror image
         rows = np.arange(band) if place == 0 else count - 1 - np.arange(band)
         beyond = np.arange(band, 2 * band) if place == 0 else count - 1 - np.arange(band, 2 * band)
-        return _Line(rows, np.zeros(band), beyond, beyond)
+        return _Line(rows, np.zeros(band), _fading(np.arange(band) / band), beyond, beyond)
     offset = np.arange(-band, band)
     at = round(place * count)
     return _Line(
         (at + offset) % count,
         (offset + band + 0.5) / (2 * band),
+        _fading(np.abs(offset + 0.5) / band),
         (at + np.arange(-2 * band, -band)) % count,
         (at + np.arange(band, 2 * band)) % count,
     )
+
+
+def _fading(away: Floats) -> Floats:
+    """Return 1 on a line and 0 at the band's end: where a factor began at once, its end would show as a
+    hairline in wash.
+    """
+    found: Floats = np.cos(np.pi / 2 * away) ** 2
+    return found
 
 
 @lru_cache(maxsize=16)

@@ -21,6 +21,8 @@ from toposeam.texture.exemplar.atlas import Ints32
 
 #: Largest distance from a seam, px, within which copies can be mixed.
 MAX_SMOOTH = 8
+#: Mixed normals shorter than this say nothing.
+_SHORTEST = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -101,6 +103,27 @@ def render_seen(
     mixed, hard = (render(index, weighted, usable, wrap, reach) for reach in (smooth, 0))
     near = (mixed != hard).any(axis=2) & (mixed[..., -1] > 0)
     picture[near] = _stored(mixed[near, :-1] / mixed[near, -1:], plane.dtype, None)
+    return picture
+
+
+def render_normals(
+    index: Ints32, plane: npt.NDArray[Any], usable: Mask, wrap: tuple[bool, bool], smooth: int
+) -> npt.NDArray[Any]:
+    """Render a map of unit vectors as :func:`render`, and give those that were mixed length 1 again.
+
+    Integers and floats of 0 or more hold (v + 1) / 2 as a share of white, other floats v itself. Where
+    vectors cancel out, that of the pixel's own copy shows.
+    """
+    picture = render(index, plane, usable, wrap, 0)
+    for at in near_seams(index, plane.shape[1], wrap, smooth) if smooth else ():
+        mixed = _mixed(index, plane.reshape(-1, 3), usable.ravel(), plane.shape[1], wrap, smooth, at, None)
+        half = 0.0 if picture.dtype.kind == "f" and plane.min() < 0 else 0.5 * full_scale(picture.dtype)
+        vectors = mixed - half
+        length = np.linalg.norm(vectors, axis=1, keepdims=True)
+        own = picture.reshape(-1, 3)[at]
+        kept = (length[:, 0] < _SHORTEST * (half or 1.0)) | (mixed == own).all(axis=1)
+        unit = _stored(vectors / np.maximum(length, 1e-12) * (half or 1.0) + half, picture.dtype, None)
+        picture.reshape(-1, 3)[at] = np.where(kept[:, np.newaxis], own, unit)
     return picture
 
 

@@ -47,8 +47,10 @@ class Synthesis:
     image: Image
     #: (H, W) opacity in that dtype, or None where every pixel is opaque.
     alpha: npt.NDArray[Any] | None = None
-    #: The further maps, made of the same patches along the same seams.
+    #: The further maps, made of the same patches along the same seams; every value is one of the given map's.
     maps: tuple[Image, ...] = ()
+    #: The normal map, likewise, mixed at seams to vectors of length 1; None where none was given.
+    normal: Image | None = None
     #: (H, W) int32, number of the patch that shows; patches that continue one another as one copy have one
     #: number. In pictures that were only mended, 0 is what was there.
     labels: Ints32
@@ -129,13 +131,16 @@ class Synthesis:
             save(path, text)
         return text
 
-    def apply(self, images: Images) -> Image:
+    def apply(self, images: Images, *, smooth: int | None = None) -> Image:
         """Cut other pictures into the same patches along the same seams.
 
         Parameters
         ----------
         images : (H, W[, C]) array_like, or a list with one per exemplar
             Of the exemplars' sizes: another map of them, or another version.
+        smooth : int, optional
+            px to either side of a seam in which neighbours are mixed, 0 for heights and masks; by default as
+            in the picture.
 
         Returns
         -------
@@ -146,6 +151,7 @@ class Synthesis:
         ImageError
             For other sizes, or images that differ in dtype or channels.
         """
+        reach = self.smooth if smooth is None else check_whole("smooth", smooth, 0, MAX_SMOOTH)
         turns = self.settings.get("turns", "none")
         images = widened(images) if self.changed is None else images
         found = turned(_of_one_kind(images, len(self.atlas.shapes) // count_of(turns)), turns)
@@ -156,11 +162,11 @@ class Synthesis:
                     "to that size"
                 )
         deep = [image[..., np.newaxis] if image.ndim == 2 else image for image in found]
-        made = self._render(deep)
+        made = self._render(deep, reach)
         return made[..., 0] if found[0].ndim == 2 else made
 
-    def _render(self, images: Sequence[npt.NDArray[Any]]) -> npt.NDArray[Any]:
-        made = render(self.index, self.atlas.spread(images), self.atlas.usable, self.wraps, self.smooth)
+    def _render(self, images: Sequence[npt.NDArray[Any]], smooth: int) -> npt.NDArray[Any]:
+        made = render(self.index, self.atlas.spread(images), self.atlas.usable, self.wraps, smooth)
         if self.changed is not None:
             np.copyto(made, images[0], where=~self.changed[..., np.newaxis])
         return made

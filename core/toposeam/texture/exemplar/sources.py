@@ -22,7 +22,7 @@ UNSEEN_STEP = 0.004
 #: Rows of an exemplar that are looked at first.
 _EVERY = 64
 
-_ALPHA = Term("alpha")
+_ALPHA, _NORMAL = Term("alpha"), Term("normal", "the normal map")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -32,8 +32,8 @@ class Sources:
     Parameters
     ----------
     planes : tuple of tuples
-        Per map (the picture itself first, then further maps, then opacity if there is any), one (H, W, C)
-        array per exemplar.
+        Per map (the picture itself first, then further maps, then normals and opacity if there are any), one
+        (H, W, C) array per exemplar.
     gray : tuple of bool
         Per map, whether it came without a channel axis.
     features : tuple of (H, W, F) float32 arrays
@@ -44,6 +44,8 @@ class Sources:
         Where it may be copied.
     has_alpha : bool
         Whether the last plane is opacity.
+    has_normal : bool
+        Whether the last plane before that holds unit vectors.
     transparent : bool
         Whether places without opacity are present.
     """
@@ -54,6 +56,7 @@ class Sources:
     present: tuple[Mask, ...]
     usable: tuple[Mask, ...]
     has_alpha: bool
+    has_normal: bool = False
     transparent: bool = False
 
     @property
@@ -90,6 +93,7 @@ def read_sources(
     alpha: Images | None = None,
     mask: Images | None = None,
     maps: Sequence[Images] = (),
+    normal: Images | None = None,
     weights: Sequence[float] | None = None,
     data_range: DataRange = None,
     name: str = "source",
@@ -104,11 +108,13 @@ def read_sources(
         Opacity, and where to sample; by default where the opacity is above 0.
     maps : sequence
         Further maps of the same exemplars, each an array or a list with one per exemplar.
+    normal : (H, W, 3) array_like, or a list with one per exemplar
+        Unit vectors, stored as shares of white about a half, or in floats below 0 as they are.
     weights : sequence of float, optional
-        How much the picture and each further map count in the search; 1 each by default.
+        How much the picture, each further map and the normals count in the search; 1 each by default.
     data_range : float, or sequence of float or None, optional
-        The value that counts as white (:func:`toposeam.images.as_float`) in the picture, or in the picture
-        and each further map.
+        The value that counts as white (:func:`toposeam.images.as_float`) in the picture, or in the picture,
+        each further map and the normals.
     name : str
         What the caller calls the exemplars, for messages.
     transparent : bool
@@ -122,6 +128,10 @@ def read_sources(
         For weights that do not fit.
     """
     maps = check_items("maps", maps, object, "a sequence of images, one a map")
+    labels = [Term(""), *(Term("maps", f"map {k + 1}", k) for k in range(len(maps)))]
+    if normal is not None:
+        maps, labels = (*maps, normal), [*labels, _NORMAL]
+    labels.append(_ALPHA)
     several: list[Any] = list(source) if isinstance(source, list | tuple) else [source]
     if not several:
         raise ImageError(
@@ -138,11 +148,17 @@ def read_sources(
     ]
     factors, white = _weights(weights, 1 + len(maps)), white_of(data_range, 1 + len(maps))
     planes, gray = [_alike(pictures, names)], [all(picture.ndim == 2 for picture in pictures)]
-    labels = [Term(""), *(Term("maps", f"map {k + 1}", k) for k in range(len(maps))), _ALPHA]
     for label, given in zip(labels[1:], maps, strict=False):
         found = _map(as_list(given, count, label), label, pictures, names)
         planes.append(_alike(found, [label] * count))
         gray.append(all(image.ndim == 2 for image in found))
+    if normal is not None and planes[-1][0].shape[2] != 3:
+        raise ImageError(
+            "{array} has one channel, a normal map three; give heights and masks as further maps",
+            kind="channels",
+            array=_NORMAL,
+            channels=1,
+        )
     present = [
         _present(a, picture, label, transparent=transparent)
         for a, picture, label in zip(opacity, planes[0], names, strict=True)
@@ -178,6 +194,7 @@ def read_sources(
         present=tuple(present),
         usable=tuple(usable),
         has_alpha=has_alpha,
+        has_normal=normal is not None,
         transparent=transparent,
     )
 

@@ -22,11 +22,13 @@ from toposeam.texture.placement.near_copies import Nearby, near_reach
 from toposeam.texture.placement.object_repeats import Repeats
 from toposeam.texture.placement.options import LayOptions
 from toposeam.texture.placement.ranking import Ranking
-from toposeam.texture.placement.usage_penalty import Shares, Use, average_use
+from toposeam.texture.placement.usage_penalty import Shares, Use, average_use, guided_use
 from toposeam.texture.placement.wave_conflicts import Beside
 
 #: Share of the exemplars up to which the area to fill counts as small, so that use does not matter.
 _LITTLE = 0.05
+#: Squares of differences from a guide that differ by less than that are left to the seam.
+_PLAIN = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -89,14 +91,16 @@ class PatchPlacer:
     ) -> None:
         self.atlas, self.features, self.canvas = atlas, features, canvas
         self.options, self.rng, self.phase, self.margin = options, rng, phase, atlas.margin
+        self._guide = guide
         #: What seams pay for each pixel of the atlas, flat, where there are objects to be kept.
         self.guard: Floats32 | None = None
         part = None if shares is None else np.asarray(shares, float) / sum(shares)
         use, near, kinds, variety = None, None, None, options.variety
         if area > _LITTLE * int(atlas.usable.sum()):
-            average = average_use(atlas, area, part)
-            if guide is None and variety:
+            average = average_use(atlas, area, part) if guide is None else guided_use(atlas, guide, area)
+            if variety:
                 near = Nearby(atlas, canvas, variety)
+            if guide is None and variety:
                 weight, self.guard = landmarks(features, atlas.usable, atlas.factor)
                 objects = self.guard is not None
                 if not canvas.patches:  # visible pixels are continued unchanged
@@ -198,7 +202,19 @@ class PatchPlacer:
         """Find where a patch shows in a window: (h, w) bool."""
         m, (h, w) = self.margin, site.shape
         padded = site.known[m - 1 : m + h + 1, m - 1 : m + w + 1]
-        return self.cut(padded, source, site.covers) | ((padded[1:-1, 1:-1] < 0) & site.covers)
+        empty = (padded[1:-1, 1:-1] < 0) & site.covers
+        shows = self.cut(padded, source, site.covers) | empty
+        if self._guide is None or not self._guide.weight:
+            return shows
+        # What the guide asks for plainly is not left to the seam.
+        rows, columns, _ = self.canvas.window(*site.at, h, w)
+        wanted, stands = self._guide.target[rows, columns], self._guide.source
+        comes, there = (
+            np.square(values_at(stands, index) - wanted).sum(axis=2) for index in (source, padded[1:-1, 1:-1])
+        )
+        shows |= site.covers & (comes < there - _PLAIN)
+        kept: Mask = shows & (empty | (comes <= there + _PLAIN))
+        return kept
 
     def cut(self, padded: Ints32, source: Ints32, covers: Mask, closed: bool = False) -> Mask:
         """Find where a patch shows along the best seam, given what is there.

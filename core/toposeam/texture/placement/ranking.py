@@ -110,7 +110,7 @@ class Ranking:
     def _terms(self, site: Site) -> list[_Term]:
         """List what a place is compared with: the known pixels, and the guide."""
         terms, guide = [], self._guide
-        if site.weight.any():
+        if site.weight.any() and (guide is None or guide.weight < 1):
             strength = 1.0 if guide is None else 1.0 - guide.weight
             terms.append(_Term(self.search, values_at(self._features, site.known), site.weight, strength))
         if guide is not None and self._guides is not None:

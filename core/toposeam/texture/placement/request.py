@@ -27,6 +27,7 @@ class TextureRequest:
     tileable: Tileable | None
     alpha: Images | None
     maps: tuple[Images, ...]
+    normal: Images | None
     weights: Sequence[float] | None
     data_range: DataRange
 
@@ -41,6 +42,7 @@ class TextureRequest:
         smooth: int,
         alpha: Images | None,
         maps: Sequence[Images],
+        normal: Images | None,
         weights: Sequence[float] | None,
         data_range: DataRange,
         tileable: Tileable | None = None,
@@ -79,6 +81,7 @@ class TextureRequest:
             tileable=tileable,
             alpha=alpha,
             maps=check_items("maps", maps, object, "a sequence of images, one a map"),
+            normal=normal,
             weights=weights,
             data_range=data_range,
         )
@@ -95,8 +98,10 @@ class TextureRequest:
 
     @property
     def white(self) -> list[float | None]:
-        """The value that counts as white in the picture and in each map; None where its dtype says it."""
-        return white_of(self.data_range, 1 + len(self.maps))
+        """The value that counts as white in the picture, each map and the normals; None where its dtype says
+        it.
+        """
+        return white_of(self.data_range, 1 + len(self.maps) + (self.normal is not None))
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -120,6 +125,7 @@ class TextureRequest:
             alpha=self.alpha,
             mask=mask,
             maps=self.maps,
+            normal=self.normal,
             weights=self.weights,
             data_range=self.data_range,
             name=name,

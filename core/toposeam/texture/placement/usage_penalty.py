@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.texture.canvas.index_canvas import IndexCanvas
-from toposeam.texture.canvas.places import PlaceGrid
+from toposeam.texture.canvas.places import Guide, PlaceGrid
 from toposeam.texture.exemplar.atlas import Atlas, Floats32, Ints32
 from toposeam.texture.exemplar.patch_search import box_sum
 from toposeam.texture.placement.feature_shares import Kinds
@@ -14,6 +14,11 @@ from toposeam.texture.placement.feature_shares import Kinds
 #: Minimum share of the canvas that an exemplar counts as covering, so that ratios of shares stay bounded, and
 #: the power to which they are raised: steep, so that even unlike exemplars keep to their shares.
 _LEAST_SHARE, _STEEP = 0.02, 6
+#: Fixed-point scale: sums of whole numbers do not depend on their order.
+_ONE = 16
+#: Guides are compared in so many steps, of all their channels together; and pixels of which a guide asks for
+#: much show this many times the average, lest one stone be a whole sky.
+_STEPS, _RAREST = 16, 4.0
 #: Upper bound of the limit of use, which a canvas cannot reach.
 _UNLIMITED = 2**31 - 1
 
@@ -28,8 +33,8 @@ class Use:
     ----------
     canvas : IndexCanvas
     atlas : Atlas
-    average : (AH, 1) float array
-        How often pixels should show, by the atlas's row.
+    average : (AH, 1) or (AH, AW) float array
+        How often pixels should show, by the atlas's row or each.
     most : float
         Limit of use, in multiples of the average.
     variety : float
@@ -49,7 +54,7 @@ class Use:
     ) -> None:
         self._canvas, self._atlas, self._average = canvas, atlas, average
         self._variety, self._kinds = variety, kinds
-        #: (AH, 1), how often pixels may show, by the atlas's row.
+        #: How often pixels may show, as `average`.
         self.limit: Ints32 = np.clip(np.floor(most * average), 1, _UNLIMITED).astype(np.int32)
         self._kept: dict[tuple[object, ...], tuple[Floats32, Floats32 | None]] = {}
 
@@ -77,7 +82,11 @@ class Use:
         usage = self._canvas.usage.reshape(self._atlas.usable.shape)
         shape, (n, m), grid = places.shape, places.size, slice(places.first, None, places.step)
         pixels = shape[0] * shape[1]
-        average = (pixels * self._average[grid][:n]).astype(np.float32)
+        if self._average.shape[1] == 1:
+            average = (pixels * self._average[grid][:n]).astype(np.float32)
+        else:
+            whole = np.rint(_ONE * self._average).astype(np.int32)
+            average = box_sum(whole, shape)[grid, grid][:n, :m].astype(np.float32) / np.float32(_ONE)
         factor: Floats32 = np.divide(box_sum(usage, shape)[grid, grid][:n, :m], average, dtype=np.float32)
         np.square(factor, out=factor)
         factor *= np.float32(self._variety)
@@ -124,3 +133,28 @@ def average_use(atlas: Atlas, area: int, shares: npt.NDArray[np.float64] | None)
         return np.full((len(usable), 1), max(area / max(int(usable.sum()), 1), 1.0))
     each = np.add.reduceat(usable, atlas.corners[:, 0])
     return np.maximum(area * shares / np.maximum(each, 1), 1.0)[atlas.owner_of_rows, np.newaxis]
+
+
+def guided_use(atlas: Atlas, guide: Guide, area: int) -> npt.NDArray[np.float64]:
+    """Compute how often each pixel has to show for a guide, (AH, AW), 1 at least: what is asked for much of
+    the canvas and is little of the exemplars shows often, and nothing is used up that is still asked for.
+    """
+    stands = guide.source[atlas.usable]
+    low = np.minimum(stands.min(axis=0), guide.target.min(axis=(0, 1)))
+    high = np.maximum(stands.max(axis=0), guide.target.max(axis=(0, 1)))
+    each = max(2, round(_STEPS ** (1 / stands.shape[1])))
+
+    def steps(values: Floats32) -> npt.NDArray[np.intp]:
+        share = (values - low) / np.maximum(high - low, 1e-12)
+        found: npt.NDArray[np.intp] = np.minimum((share * each).astype(np.intp), each - 1)
+        return found
+
+    there, places, count = np.unique(steps(stands), axis=0, return_inverse=True, return_counts=True)
+    asked, wanted = np.unique(steps(guide.target).reshape(-1, stands.shape[1]), axis=0, return_counts=True)
+    apart = np.square(asked[:, np.newaxis] - there).sum(axis=2)
+    demand = np.bincount(apart.argmin(axis=1), wanted, len(there)) * (area / max(int(wanted.sum()), 1))
+    average = area / max(int(count.sum()), 1)
+    often = np.maximum(np.minimum(demand / count, _RAREST * average), 1.0)
+    result = np.ones(atlas.usable.shape)
+    result[atlas.usable] = often[places.ravel()]
+    return result

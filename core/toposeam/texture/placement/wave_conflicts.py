@@ -30,7 +30,7 @@ class Beside:
         Distance on the canvas, px, within which two copies are near each other.
     near : float
         Factor on a place all of whose pixels were picked near by, less 1.
-    limit : (AH, 1) int32 array, optional
+    limit : (AH, 1) or (AH, AW) int32 array, optional
         How often pixels may show, by the atlas's row.
     largest_copy : callable
         How many px of the canvas a copy may show on with a patch more, for its height and width and the px

@@ -20,7 +20,16 @@ from toposeam.images import MAX_PIXELS, Mask, as_mask
 from toposeam.seam.problem.match_cost import MatchCost, check_no_reach, match_options
 from toposeam.sentence import counted
 from toposeam.volume.clip.levelling import levelled, without_light
-from toposeam.volume.clip.period import Jump, best_jump, good_jumps, small_frames, small_mask, weights
+from toposeam.volume.clip.period import (
+    Jump,
+    best_jump,
+    good_jumps,
+    small_frames,
+    small_mask,
+    small_surface,
+    weights,
+)
+from toposeam.volume.clip.verdict import LoopVerdict, steps, verdict_of, worst_of
 from toposeam.volume.clip.walk import closed_walk
 from toposeam.volume.find import find_surface
 from toposeam.volume.heat.method import SurfaceKeywords, SurfaceOptions
@@ -32,6 +41,9 @@ from toposeam.volume.surface import Surface
 _MOST_FRAMES = 10_000
 #: Frames in which to change over, where nothing is said: a quarter of the clip, at most this many.
 _LONGEST = 24
+#: Whether to level is decided on frames of about so many pixels first, by the worst squares of this side, and
+#: from where on steps in them show.
+_LEVEL_PIXELS, _LEVEL_SQUARE, _SHOWS = 4000, 4, 3.0
 #: Grown clips choose between this many jumps.
 _JUMPS = 12
 
@@ -59,6 +71,8 @@ class Loop:
     surfaces: tuple[Surface, ...] = field(repr=False)
     #: Frames within which each jump happens.
     transition: int
+    #: How likely the changes are to be seen.
+    verdict: LoopVerdict
     #: The settings that make it again.
     settings: dict[str, Any] = field(default_factory=dict, repr=False)
 
@@ -89,7 +103,7 @@ def loop(
     length: int | tuple[int, int] | None = None,
     start: int | None = None,
     transition: int | None = None,
-    level: bool = False,
+    level: bool | None = None,
     still: npt.ArrayLike | None = None,
     grow: int | None = None,
     seed: Seed = 0,
@@ -118,11 +132,11 @@ def loop(
     transition : int, optional
         In how many frames pixels change over, at least 2; by default a quarter of the clip or half the
         loop, 24 at most. The clip needs ``start + length + transition`` frames.
-    level : bool
+    level : bool, optional
         Even out what shows of the change, light or form: slow light is left out of the search for the
         surface, and the steps along it are spread over the frames and pixels around, by Poisson's equation in
         time and space; the wider they are the more gently, those of the whole picture over the whole loop.
-        Values then differ from the clip's.
+        Values then differ from the clip's. By default where a surface without it would show, on small frames.
     still : (H, W) array_like, optional
         Where the picture stands still (a cinemagraph); there it shows the frame that fits its surroundings
         best.
@@ -170,7 +184,7 @@ def loop(
             f"the clip has {count} frames, of which every one is compared with every other; cut it, or take "
             f"fewer frames a second, so that at most {_MOST_FRAMES} are left"
         )
-    check_choice("level", level, (True, False))
+    check_choice("level", level, (True, False, None))
     if grow is not None and (length is not None or start is not None):
         raise OptionError("grow decides where the clip is left and entered; leave length and start out")
     moving = np.ones(clip.shape[1:3], bool)
@@ -188,7 +202,6 @@ def loop(
         "length": length,
         "start": start,
         "transition": transition,
-        "level": level,
         "grow": grow,
         "seed": chosen,
         "spacing": tuple(map(float, spacing)),
@@ -216,41 +229,77 @@ def loop(
             found = good_jumps(small, transition, compared, match, spacing, _JUMPS)
             walk = closed_walk(found, transition, grow, np.random.default_rng(chosen))
     distinct = list(dict.fromkeys(walk))
-    surfaces: dict[Jump, Surface] = {}
     weight = None
     if still is not None:
         weight = np.broadcast_to(weights(moving), (transition, *moving.shape))
-    for place, jump in enumerate(distinct):
-        a, b = (clip[first : first + transition] for first in (jump.leaves, jump.enters))
-        surfaces[jump] = find_surface(
-            *(without_light(a, b, data_range) if level else (a, b)),
-            cost=match,
-            spacing=spacing,
-            weight=weight,
-            data_range=data_range,
-            options=options,
-            progress=_part(progress, place, len(distinct)),
-            **given,
-        )
-    source = _sources(walk, surfaces, transition, moving.shape)
-    if still is not None:
-        source[:, ~moving] = _still_frame(small, source, compared)
-    made = np.take_along_axis(clip, source[..., np.newaxis].astype(np.intp), axis=0)
-    if level:
+
+    def joined(level: bool) -> Loop:
+        surfaces: dict[Jump, Surface] = {}
+        for place, jump in enumerate(distinct):
+            a, b = (clip[first : first + transition] for first in (jump.leaves, jump.enters))
+            surfaces[jump] = find_surface(
+                *(without_light(a, b, data_range) if level else (a, b)),
+                cost=match,
+                spacing=spacing,
+                weight=weight,
+                data_range=data_range,
+                options=options,
+                progress=_part(progress, place, len(distinct)),
+                **given,
+            )
+        source = _sources(walk, surfaces, transition, moving.shape)
+        if still is not None:
+            source[:, ~moving] = _still_frame(small, source, compared)
+        made = np.take_along_axis(clip, source[..., np.newaxis].astype(np.intp), axis=0)
         labels = {jump: surface.labels for jump, surface in surfaces.items()}
-        made = levelled(made, clip, walk, labels, transition, moving)
-    return Loop(
-        frames=made[..., 0] if flat else made,
-        source=source,
-        jumps=tuple(walk),
-        surfaces=tuple(surfaces[jump] for jump in walk),
-        transition=transition,
-        settings=settings,
-    )
+        if level:
+            made = levelled(made, clip, walk, labels, transition, moving)
+        return Loop(
+            frames=made[..., 0] if flat else made,
+            source=source,
+            jumps=tuple(walk),
+            surfaces=tuple(surfaces[jump] for jump in walk),
+            transition=transition,
+            verdict=verdict_of(made, clip, walk, labels, moving, data_range),
+            settings={**settings, "level": level},
+        )
+
+    if level is not None:
+        return joined(level)
+    if _would_show(clip, distinct, transition, moving, match, spacing, data_range):
+        return joined(True)
+    made = joined(False)
+    if made.verdict.unseen:
+        return made
+    return min(made, joined(True), key=lambda one: one.verdict.shows)
 
 
 def _part(progress: Callable[[float], None] | None, place: int, count: int) -> Callable[[float], None] | None:
     return None if progress is None else lambda share: progress((place + share) / count)
+
+
+def _would_show(
+    clip: Volume,
+    jumps: Sequence[Jump],
+    transition: int,
+    moving: Mask,
+    match: MatchCost,
+    spacing: Sequence[float],
+    data_range: float | None,
+) -> bool:
+    """Test on small frames whether surfaces that are not levelled would show."""
+    small = small_frames(clip, data_range, _LEVEL_PIXELS)
+    on = small_mask(moving, (small.shape[1], small.shape[2]))
+    if not on.any():
+        return False
+    with one_thread():
+        for jump in jumps:
+            _, labels = small_surface(small, jump, transition, on, match, spacing)
+            a, b = (small[first : first + transition] for first in (jump.leaves, jump.enters))
+            made = np.where(labels[..., np.newaxis], b, a)
+            if worst_of(steps(made, a, b), _LEVEL_SQUARE, on).max() > _SHOWS:
+                return True
+    return False
 
 
 def _transition(transition: int | None, count: int, length: int | tuple[int, int] | None) -> int:

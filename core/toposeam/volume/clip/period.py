@@ -15,6 +15,7 @@ from toposeam.seam.problem.match_cost import MatchCost
 from toposeam.volume.heat.method import SurfaceOptions, heat_surface
 from toposeam.volume.problem.arrays import Volume, as_shares
 from toposeam.volume.problem.posing import surface_problem
+from toposeam.volume.problem.surface_problem import SurfaceProblem
 
 #: Moments are compared on frames reduced to about this many pixels, fewer in long clips: every moment is
 #: compared with every other one.
@@ -50,10 +51,10 @@ class Jump:
         return self.leaves - self.enters
 
 
-def small_frames(frames: Volume, data_range: float | None) -> Floats32:
+def small_frames(frames: Volume, data_range: float | None, pixels: float = _PIXELS) -> Floats32:
     """(T, h, w, C) frames, area means over squares of pixels."""
     height, width = frames.shape[1:3]
-    pixels = min(_PIXELS, max(100.0, _COMPARED / len(frames) ** 2))
+    pixels = min(pixels, max(100.0, _COMPARED / len(frames) ** 2))
     side = max(1, int(np.ceil(np.sqrt(height * width / pixels))))
     side = min(side, height, width)
     rows, columns = height // side, width // side
@@ -134,14 +135,22 @@ def joined_small(
     small: Floats32, jump: Jump, transition: int, moving: Mask, cost: MatchCost, spacing: Sequence[float]
 ) -> Jump:
     """Return the jump with what its surface costs on small frames, per pixel."""
+    problem, labels = small_surface(small, jump, transition, moving, cost, spacing)
+    least = problem.cost(labels) / int(np.count_nonzero(moving))
+    return Jump(jump.leaves, jump.enters, least)
+
+
+def small_surface(
+    small: Floats32, jump: Jump, transition: int, moving: Mask, cost: MatchCost, spacing: Sequence[float]
+) -> tuple[SurfaceProblem, Mask]:
+    """Return the problem and the labels of a jump's surface on small frames."""
     a = small[jump.leaves : jump.leaves + transition]
     b = small[jump.enters : jump.enters + transition]
     problem, _ = surface_problem(
         a, b, None, None, 0, cost, spacing, np.broadcast_to(weights(moving), a.shape[:3]), data_range=1.0
     )
     solution, _ = heat_surface(problem, SurfaceOptions(tolerance=0.02, max_iterations=600))
-    least = problem.cost(solution.labels) / int(np.count_nonzero(moving))
-    return Jump(jump.leaves, jump.enters, least)
+    return problem, solution.labels
 
 
 def weights(moving: Mask) -> npt.NDArray[np.float64]:

@@ -105,7 +105,7 @@ def test_without_noise_cameras_are_exact():
     assert turned_off(bundle, views) < 0.02
 
 
-def test_a_picture_that_was_zoomed_gets_a_focal_length_of_its_own():
+def test_zoomed_pictures_get_focal_lengths_of_their_own():
     zooms = [1.0, 1.6, 1.0, 1.0, 1.0, 0.8]
     views = around(FOCAL, ROWS, SIZE)
     views = [dataclasses.replace(view, focal=FOCAL * zoom) for view, zoom in zip(views, zooms, strict=True)]

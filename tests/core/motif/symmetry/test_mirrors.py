@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
 import toposeam as ts
 from toposeam.motif.border_smoothing import conspicuous
@@ -49,6 +50,24 @@ def test_rows_at_a_mirror_hold_as_much_as_those_beyond(repeat):
     assert found.min() >= 0.01
     assert found.max() <= 1
     np.testing.assert_allclose(orbits.mean(found), found, rtol=1e-12)
+
+
+@pytest.mark.parametrize("repeat", ["reflect", "pmm", "pm", "p31m"])
+def test_wash_has_no_hairline_where_a_mirrors_band_ends(repeat):
+    """Smooth wash: what it is multiplied by changes gently from each row to the next."""
+    shape = (192, 192)
+    orbits = symmetry(repeat, shape)
+    noise = ndimage.gaussian_filter(np.random.default_rng(2).normal(size=shape), 8, mode="wrap")
+    field = orbits.mean(0.3 + 0.1 * noise / noise.std())
+
+    def sharpest(wash):
+        bounds = np.full(shape, 0.01), np.ones(shape)
+        found = mirrors(repeat, shape).held(field, float(field.mean()), *bounds, wash=wash)
+        assert found.mean() == pytest.approx(field.mean(), rel=1e-3)
+        factor = np.log(found / field)
+        return max(np.abs(np.diff(factor, 2, axis=axis)).max() for axis in (0, 1))
+
+    assert sharpest(wash=True) < 0.25 * sharpest(wash=False)
 
 
 @pytest.mark.medium

@@ -48,7 +48,7 @@ def test_a_period_is_found():
 @pytest.mark.parametrize("seed", range(3))
 def test_every_pixel_goes_on_by_one_frame_or_by_the_jump(seed):
     clip = drifting(40, seed=seed)
-    made = ts.loop(clip, transition=8)
+    made = ts.loop(clip, transition=8, level=False)
     (jump,) = made.jumps
     assert len(made.frames) == jump.leaves - jump.enters
     step = np.diff(np.concatenate([made.source, made.source[:1]]), axis=0)
@@ -90,11 +90,45 @@ def test_slow_light_is_levelled():
         means = made.frames.mean(axis=(1, 2))
         return np.abs(np.diff(np.append(means, means[0]))).max()
 
-    rough, even = ts.loop(darker, **options), ts.loop(darker, level=True, **options)
+    rough, even = (ts.loop(darker, level=level, **options) for level in (False, True))
     assert jump_of_light(even) < 0.2 * jump_of_light(rough)
     # What is left is the wheel: levelling takes away the darkening, and nothing of the turning.
     kept = even.frames - even.frames.mean(axis=(1, 2), keepdims=True)
     np.testing.assert_allclose(kept.std(axis=(1, 2)), 0.5 * clip[0].std(), rtol=0.1)
+
+
+def clouds(frames, seed=0, size=(48, 64)):
+    """Wide soft forms that come and go and never come back."""
+    noise = np.random.default_rng(seed).standard_normal((frames, *size))
+    soft = ndimage.gaussian_filter(noise, (6, 10, 10), mode="wrap")
+    return (0.5 + 0.15 * soft / soft.std()).astype(np.float32)
+
+
+def test_clouds_are_levelled_by_themselves_and_a_wheel_is_not():
+    made = ts.loop(clouds(48))
+    assert made.settings["level"] is True
+    assert made.verdict.unseen
+    hard = ts.loop(clouds(48), level=False)
+    assert not hard.verdict.unseen
+    assert str(hard.verdict) == f"look at frame {hard.verdict.frame}"
+    assert hard.verdict.summary()["look_at_frame"] < hard.transition
+    wheel = ts.loop(turning(40, 13))
+    assert wheel.settings["level"] is False
+    assert str(wheel.verdict) == "will not be seen"
+
+
+@pytest.mark.parametrize(("kind", "moved"), [("camera", True), ("object", False)])
+def test_a_camera_that_moves_is_told_from_things_that_do(kind, moved):
+    rough = np.random.default_rng(0).standard_normal((80, 280))
+    scene = ndimage.gaussian_filter(rough, 1.5)
+    scene = (0.5 + 0.2 * scene / scene.std()).astype(np.float32)
+    clip = np.stack([scene[:64, 3 * t : 3 * t + 80] for t in range(60)])
+    if kind == "object":
+        clip[:, :, :40] = clip[0, :, :40]
+    made = ts.loop(clip, transition=6, level=False)
+    assert (made.verdict.moved is not None) is moved
+    if moved:
+        assert made.verdict.moved[0] == pytest.approx(3 * 57, rel=0.1)
 
 
 def test_what_is_to_stand_still_does():

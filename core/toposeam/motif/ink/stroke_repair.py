@@ -1,0 +1,130 @@
+"""Strokes mended: gaps closed, pinholes filled, crumbs dropped.
+
+Heat does not cross the watershed between two sinks, nor the middle of a source. So strokes that meet there
+end a few elements from each other, square as if cut, and where many begin at one source its very middle stays
+pale. A contour, too, cuts the thin tips off twigs, which are left as crumbs. None of this is meant. Densities
+are closed by a small disc, which joins what is nearer than its width, and by an area closing (Vincent 1993).
+What is too small when strokes are printed, at whatever size, is found there.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from scipy import ndimage
+from skimage.morphology import area_closing
+
+from toposeam.images import Mask
+from toposeam.motif.symmetry.rules import HEXAGONAL
+from toposeam.motif.symmetry.tiling import extend
+
+Singles = npt.NDArray[np.float32]
+
+#: Radius of the disc that closes gaps, as a share of the cell's shorter side; cells of 90 elements or less
+#: are too coarse for one.
+_GAP = 1 / 180
+#: Holes and pieces of at most this share of the cell's area are filled and dropped.
+SMALLEST = 1 / 1500
+#: The disc is put together from these.
+_SQUARE = np.ones((3, 3), bool)
+_DIAMOND = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], bool)
+_HEXAGON = np.array([[1, 1, 0], [1, 1, 1], [0, 1, 1]], bool)
+#: Steps in which densities are compared; what changes by one only is rounding.
+_STEPS = 65535
+
+
+def mended(density: Singles, repeat: str, mass: float, kept: int = 0) -> Singles:
+    """Close the gaps and pinholes of a layer's strokes.
+
+    Parameters
+    ----------
+    density : (h, w) float32 array in [0, 1]
+        For hexagonal groups on the lattice.
+    repeat : str
+        The rule by which it goes on beyond its border.
+    mass : float
+        The mean that the result has where its bounds allow.
+    kept : int
+        How many rows and columns along the border other motifs share, and stay as they are; the mean is then
+        as it comes.
+
+    Returns
+    -------
+    (h, w) float32 array in [0, 1]
+    """
+    smallest, hexagonal = _smallest(density.shape), repeat in HEXAGONAL
+    reach = round(min(density.shape) * _GAP)
+    margin = min(_reach(smallest) + 2 * reach, *density.shape)
+    wide = np.pad(density, margin, "wrap") if hexagonal else extend(density, repeat, margin)
+    steps = _closed(np.rint(wide * _STEPS).astype(np.uint16), reach, hexagonal=hexagonal)
+    # What reaches the end of what is looked at is not known to be small.
+    neighbours = _HEXAGON if hexagonal else _DIAMOND
+    steps = area_closing(np.pad(steps, 1), smallest + 1, connectivity=neighbours)  # type: ignore[no-untyped-call]
+    steps = steps[margin + 1 : -margin - 1, margin + 1 : -margin - 1]
+    changed = steps - density * _STEPS > 1
+    if kept:
+        changed[:kept] = changed[-kept:] = changed[:, :kept] = changed[:, -kept:] = False
+    if not changed.any():
+        return density
+    result: Singles = np.where(changed, (steps / _STEPS).astype(np.float32), density)
+    if kept:
+        return result
+    scaled: Singles = np.clip(result * np.float32(mass / result.mean(dtype=np.float64)), density.min(), 1)
+    return scaled
+
+
+def crumbs(inside: Mask, repeat: str) -> Mask:
+    """Mark the pieces of a printed cell that are too small to be meant, with the pixels round them.
+
+    Parameters
+    ----------
+    inside : (H, W) bool array
+        What is printed of a whole cell, at any size.
+    repeat : str
+
+    Returns
+    -------
+    (H, W) bool array
+    """
+    return _small(inside, repeat, _SQUARE)
+
+
+def holes(inside: Mask, repeat: str) -> Mask:
+    """Mark the holes that are too small to be meant, likewise."""
+    return _small(~inside, repeat, _DIAMOND)
+
+
+def _smallest(shape: tuple[int, ...]) -> int:
+    return round(math.prod(shape) * SMALLEST)
+
+
+def _reach(smallest: int) -> int:
+    """How far a piece that is small may reach beyond a border, unless it is a thin line."""
+    return 4 * math.isqrt(smallest) + 2
+
+
+def _small(mask: Mask, repeat: str, neighbours: Mask) -> Mask:
+    """Mark the pieces of a mask that are small, and end within reach, with the pixels round them."""
+    smallest = _smallest(mask.shape)
+    margin = min(_reach(smallest), *mask.shape)
+    labels, count = ndimage.label(extend(mask, repeat, margin), neighbours)
+    small = np.bincount(labels.ravel(), minlength=count + 1) <= smallest
+    small[0] = False
+    for end in (labels[0], labels[-1], labels[:, 0], labels[:, -1]):
+        small[end] = False
+    if not small.any():
+        return np.zeros(mask.shape, bool)
+    wide = ndimage.binary_dilation(small[labels], neighbours)
+    return np.asarray(wide[margin:-margin, margin:-margin])
+
+
+def _closed(steps: npt.NDArray[np.uint16], radius: int, *, hexagonal: bool) -> npt.NDArray[np.uint16]:
+    """Close by about a disc: by diamonds and squares in turn, on a hexagonal lattice by hexagons."""
+    shapes = [_HEXAGON] * 3 if hexagonal else [_DIAMOND, _DIAMOND, _SQUARE]
+    footprints = [shapes[k % 3] for k in range(radius)]
+    for step in (ndimage.grey_dilation, ndimage.grey_erosion):
+        for footprint in footprints:
+            steps = step(steps, footprint=footprint, mode="nearest")
+    return steps

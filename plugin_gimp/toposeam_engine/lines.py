@@ -1,0 +1,96 @@
+"""Lines of seams as the asker needs them: exact, and as few curves for people to bend."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+import toposeam as ts
+from toposeam.vector.smooth import TOLERANCES_PX
+
+Floats = npt.NDArray[np.float64]
+#: Longer lines are followed less closely at once: they wander too much for few curves.
+_LONG_PX = 1500
+
+
+def lines_of(
+    paths: Iterable[ts.Polyline], shift: Floats, known: Sequence[Mapping[str, Any]] = ()
+) -> list[dict[str, Any]]:
+    """Return the curves of lines, and the exact pieces that each of these stands for; where a known line, on
+    the asker's canvas, ran the same way, its curves are kept.
+    """
+    lines = []
+    for path in paths:
+        line = ts.Polyline(path.points + shift, path.closed)
+        curves, pieces = _like_known(line, known) or _smooth(line)
+        lines.append({"closed": line.closed, "curves": curves, "pieces": pieces})
+    return lines
+
+
+def _smooth(line: ts.Polyline, *, at_once: bool = False) -> tuple[list[list[float]], list[list[float]]]:
+    tolerance = TOLERANCES_PX[-1] if at_once or line.length > _LONG_PX else None
+    smooth = ts.smooth_path(line, tolerance)
+    pieces = [smooth.piece(index).ravel().tolist() for index in range(len(smooth.curves))]
+    return smooth.curves.reshape(-1, 8).tolist(), pieces
+
+
+def _like_known(
+    line: ts.Polyline, known: Sequence[Mapping[str, Any]]
+) -> tuple[list[list[float]], list[list[float]]] | None:
+    """Curves and pieces of which those at both ends are a known line's; None where nothing is alike."""
+    best: tuple[int, int, Mapping[str, Any]] | None = None
+    new = _dense(line.points)
+    for other in known if not line.closed else ():
+        if other["closed"]:
+            continue
+        old = _dense(_points(other["pieces"]))
+        count = min(len(old), len(new))
+        first = _same(old[:count], new[:count])
+        last = min(_same(old[::-1][:count], new[::-1][:count]), count - first)
+        if best is None or first + last > best[0] + best[1]:
+            best = first, last, other
+    if best is None or best[0] + best[1] < 2:
+        return None
+    first, last, other = best
+    begin, end, left, right = 0, len(new) - 1, 0, len(other["pieces"])
+    sizes = [len(_dense(np.reshape(piece, (-1, 2)))) - 1 for piece in other["pieces"]]
+    while left < right and begin + sizes[left] < first:
+        begin += sizes[left]
+        left += 1
+    while right > left and len(new) - 1 - end + sizes[right - 1] < last:
+        right -= 1
+        end -= sizes[right]
+    if end <= begin:
+        return None
+    curves, pieces = _smooth(ts.Polyline(new[begin : end + 1]), at_once=True)
+    return (
+        [*other["curves"][:left], *curves, *other["curves"][right:]],
+        [*other["pieces"][:left], *pieces, *other["pieces"][right:]],
+    )
+
+
+def _same(old: Floats, new: Floats) -> int:
+    """How many points agree from the start."""
+    same = (np.abs(old - new) <= 1e-6).all(axis=1)
+    return len(old) if bool(same.all()) else int(same.argmin())
+
+
+def _points(pieces: Sequence[Sequence[float]]) -> Floats:
+    """The points of pieces, one after another."""
+    parts = [np.reshape(piece, (-1, 2)) for piece in pieces]
+    joined: Floats = np.concatenate([parts[0], *(part[1:] for part in parts[1:])])
+    return joined
+
+
+def _dense(points: Floats) -> Floats:
+    """Points at most a pixel apart along a line, its own among them."""
+    steps = np.diff(points, axis=0)
+    count = np.maximum(np.ceil(np.abs(steps).max(axis=1) - 1e-9), 1).astype(int)
+    at = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    dense = np.repeat(points[:-1], count, axis=0) + (at / np.repeat(count, count))[:, None] * np.repeat(
+        steps, count, axis=0
+    )
+    return np.concatenate([dense, points[-1:]])

@@ -1,0 +1,100 @@
+"""Where the layers of a request belong, on the asker's canvas."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import toposeam as ts
+from toposeam.images import full_scale
+from toposeam.layers.canvas.largest_rectangle import largest_full
+
+#: What is left between two layers is told from so many px on.
+_WORTH_PX = 2.0
+#: Options that say how places are found.
+_OF_PLACES = ("model", "projection", "level")
+
+
+class PlacedLayers(NamedTuple):
+    """Layers in their places."""
+
+    layers: list[ts.Layer]
+    #: Which of the given ones these are.
+    numbers: list[int]
+    #: What was found out about them; None where nothing was sought.
+    placement: ts.Placement | None = None
+
+    @property
+    def about(self) -> dict[str, Any]:
+        """What the asker's user should know."""
+        found = self.placement
+        if found is None:
+            return {"numbers": self.numbers}
+        apart = {number for group in found.other_groups for number in group}
+        worst = sorted(found.residuals.items(), key=lambda item: -item[1].farthest)
+        return {
+            "numbers": self.numbers,
+            "strangers": [number for number in found.left_out if number not in apart],
+            "other_groups": [list(group) for group in found.other_groups],
+            "misfits": [
+                {"between": [self.numbers[i], self.numbers[j]], "off": round(residual.farthest, 1)}
+                for (i, j), residual in worst
+                if residual.farthest > _WORTH_PX
+            ],
+            "goes_round": found.wrap is not None,
+        }
+
+
+def placed(
+    layers: Sequence[ts.Layer], options: dict[str, Any], progress: Callable[[float], None]
+) -> PlacedLayers:
+    """Take what says how places are found out of the options, and find them."""
+    places = options.pop("places", "given")
+    scans = options.pop("pictures", "photographs") == "scans"
+    told = {name: options.pop(name) for name in _OF_PLACES if name in options}
+    if places == "given":
+        return PlacedLayers(list(layers), list(range(len(layers))))
+    if places == "near":
+        return PlacedLayers(list(ts.align(layers).layers), list(range(len(layers))))
+    if places != "anywhere":
+        raise ts.OptionError(f"places is {places!r}; give 'given', 'near' or 'anywhere'")
+    if scans:
+        found = ts.find_places(layers, exact=True, progress=progress)
+    else:
+        if told.get("model", "auto") not in ("auto", "rotation"):
+            told.pop("projection", None)  # of cameras only
+        found = ts.find_places(layers, **told, progress=progress)
+    return PlacedLayers(_on_canvas(found.layers, layers[found.numbers[0]].at), list(found.numbers), found)
+
+
+def _on_canvas(layers: Sequence[ts.Layer], first: tuple[int, int]) -> list[ts.Layer]:
+    """Move layers together so that the first one lies where it lay, or as near to that as leaves nothing to
+    the left of the asker's canvas or above it.
+    """
+    left, top = (min(layer.at[axis] for layer in layers) for axis in (0, 1))
+    x, y = layers[0].at
+    return moved(layers, max(first[0] - x, -left), max(first[1] - y, -top))
+
+
+def moved(layers: Sequence[ts.Layer], right: int, down: int) -> list[ts.Layer]:
+    """Return the layers in places that lie farther right and down."""
+    return [dataclasses.replace(layer, at=(layer.at[0] + right, layer.at[1] + down)) for layer in layers]
+
+
+def framed(
+    layers: Sequence[ts.Layer], found: ts.Stitched, *, crop: bool
+) -> tuple[list[ts.Layer], ts.Stitched, list[int]]:
+    """Move everything so that a canvas which begins at 0,0 holds it, or the largest rectangle of it without
+    holes; also return that canvas's width and height.
+    """
+    height, width = found.label_map.shape
+    box = None
+    if crop and found.alpha is not None:
+        box = largest_full(np.asarray(found.alpha == full_scale(found.alpha.dtype)))
+    top, left, bottom, right = box or (0, 0, height, width)
+    x, y = found.origin[0] + left, found.origin[1] + top
+    origin = found.origin[0] - x, found.origin[1] - y
+    return moved(layers, -x, -y), dataclasses.replace(found, origin=origin), [right - left, bottom - top]

@@ -1,0 +1,175 @@
+"""Re-stitch, and Paint Seam Hints, which prepares for it: seams follow bent paths, strokes, and what was
+painted on masks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from gi.repository import Gimp
+
+from toposeam_gimp.actions.below import picture_below
+from toposeam_gimp.actions.joining import draw_seams, put_blended, put_mask, request_of
+from toposeam_gimp.engine.call import Call, renamed
+from toposeam_gimp.image import curves, hints, pixels
+from toposeam_gimp.image import path_choice as choosing
+from toposeam_gimp.image.layers import (
+    RefusedError,
+    chosen_layers,
+    lines_to_apply,
+    one_undo_step,
+    other_paths,
+    remember,
+    send_shown,
+    stitched_group,
+)
+from toposeam_gimp.texts import _
+
+
+def restitch(call: Call) -> Gimp.Layer:
+    """Return a stitched group, or a patch, whose seams follow its paths, the strokes of its hints, and what
+    was painted on its masks.
+    """
+    image = call.image
+    selected = chosen_layers(image, call.drawables)
+    group, memory = stitched_group(image, selected)
+    layers = _layers_of(image, memory)
+    seams = _seams_to_apply(call, memory["seams"])
+    with request_of(image, layers, with_masks=False) as (folder, rasters):
+        shown = [
+            layer.get_mask() and pixels.send_mask(folder, layer, f"shown-{index}")
+            for index, layer in enumerate(layers)
+        ]
+        if memory["kind"] == "patch":
+            rasters.insert(0, picture_below(folder, image, layers[0], pixels.box_of(rasters[0])))
+            shown.insert(0, None)
+        strokes = hints.hints_of(image, memory)
+        request = {
+            "layers": rasters,
+            "shown": shown,
+            "written": send_shown(folder, group, memory),
+            "hints": hints.send_hints(folder, strokes),
+            "colours": [colour for colour, _tag in hints.COLOURS][: len(rasters)],
+            "seams": seams,
+            "options": renamed(memory["options"]),
+        }
+        answer = call.ask(folder, {"operation": "restitch", **request})
+        with one_undo_step(image) as undone:
+            for layer, mask in zip(layers, answer["masks"][-len(layers) :], strict=True):
+                put_mask(folder, layer, mask)
+            old = memory["blended"] and image.get_layer_by_tattoo(memory["blended"])
+            if old:
+                image.remove_layer(old)
+            blended = put_blended(folder, image, group, answer)
+            kept = memory["seams"]
+            if answer["seams"] is not None:
+                kept = _redrawn(call, kept, answer["seams"], undone)
+            painted = None
+            if answer["hints"] is not None:
+                box = hints.canvas_of([layer for layer in (*layers, strokes) if layer is not None])
+                painted = hints.replace_hints(folder, image, group, strokes, answer["hints"], box)
+                call.tell(_("What you painted on masks is kept as strokes on the layer “Seam hints”."))
+            about = {"kind": memory["kind"], "options": memory["options"]}
+            remember(folder, group, layers, kept, blended, about, answer, painted or strokes)
+            paints = strokes is not None and strokes.get_id() in {layer.get_id() for layer in selected}
+            image.set_selected_layers([(painted or strokes) if paints else group])
+    return group
+
+
+def paint_hints(call: Call) -> Gimp.Layer:
+    """Select the layer to paint on which layer shall show where, made if need be, and a colour for it."""
+    image = call.image
+    selected = chosen_layers(image, call.drawables)
+    group, memory = stitched_group(image, selected)
+    layers = _layers_of(image, memory)
+    below = memory["kind"] == "patch"
+    if len(layers) + below > len(hints.COLOURS):
+        raise RefusedError(
+            _(
+                "There are colours for {count} layers, and this group has more; paint on the layers' masks "
+                "instead, and choose Re-stitch."
+            ).format(count=len(hints.COLOURS))
+        )
+    strokes: Any = hints.hints_of(image, memory)
+    is_new = strokes is None
+    with one_undo_step(image):
+        if is_new:
+            strokes = hints.new_hints(image, group, hints.canvas_of(layers))
+            about = {"kind": memory["kind"], "options": memory["options"]}
+            remember(None, group, layers, memory["seams"], None, about, memory, strokes)
+        for index, layer in enumerate(layers, start=int(below)):
+            layer.set_color_tag(hints.COLOURS[index][1])
+        strokes.set_visible(True)
+        image.set_selected_layers([strokes])
+    chosen = {layer.get_id() for layer in selected}
+    meant = [index for index, layer in enumerate(layers) if layer.get_id() in chosen] or [len(layers) - 1]
+    Gimp.context_set_foreground(hints.colour(meant[-1] + below))
+    if len(layers) + below == 2:
+        Gimp.context_set_background(hints.colour(1 - meant[-1] - below))
+    if is_new:
+        call.tell(
+            _(
+                "Paint on “Seam hints” where “{name}” shall show: that is the foreground colour now. Each "
+                "layer has the colour of its tag in the Layers dialog; of two, X swaps them. Then choose "
+                "Re-stitch."
+            ).format(name=layers[meant[-1]].get_name())
+        )
+    return strokes
+
+
+def _layers_of(image: Gimp.Image, memory: dict[str, Any]) -> list[Gimp.Layer]:
+    layers = [image.get_layer_by_tattoo(tattoo) for tattoo in memory["layers"]]
+    if any(layer is None for layer in layers):
+        raise RefusedError(_("A layer of this group was deleted or merged; stitch the layers again."))
+    return layers
+
+
+def _redrawn(
+    call: Call, before: Sequence[dict[str, Any]], seams: Sequence[dict[str, Any]], undone: list[Any]
+) -> list[dict[str, Any]]:
+    """Draw new seams in place of the old ones, which go."""
+    paths = [path for seam in before if (path := call.image.get_path_by_tattoo(seam["path"])) is not None]
+    visible = any(path.get_visible() for path in paths)
+    for path in paths:
+        call.image.remove_path(path)
+    return draw_seams(call.image, seams, undone, visible=visible)
+
+
+def _seams_to_apply(call: Call, seams: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return each seam with the lines that the image's paths say for it, and what was known of it; note in it
+    whether that changes anything.
+    """
+    image = call.image
+    others = other_paths(image, seams)
+    selected = {path.get_id() for path in image.get_selected_paths()}
+    applied, used = [], set()
+    for seam in seams:
+        fitting = [
+            path
+            for path in others
+            if choosing.fits(path.get_name(), seam["name"])
+            or (len(seams) == 1 and (path.get_id() in selected or choosing.is_seam(path.get_name())))
+        ]
+        used |= {path.get_id() for path in fitting}
+        lines, touched, remark = lines_to_apply(image, seam, fitting)
+        if remark is not None:
+            call.tell(remark)
+        changes = touched or seam.get(
+            "applied", False
+        )  # also where it was bent back, or another one followed
+        seam["applied"] = touched
+        known = [
+            {**line, "curves": curves.curves_of(line["stroke"], line["closed"])} for line in seam["lines"]
+        ]
+        about = {"pair": seam["pair"], "name": seam["name"], "known": known}
+        applied.append({**about, "lines": lines, "touched": changes})
+    for path in others:
+        if path.get_id() in selected and path.get_id() not in used:
+            raise RefusedError(
+                _(
+                    "It is not clear which seam the selected path “{path}” is for; give it the name of one: "
+                    "{seams}."
+                ).format(path=path.get_name(), seams=", ".join(f"“{seam['name']}”" for seam in seams))
+            )
+    return applied

@@ -1,0 +1,92 @@
+"""A picture that fills the room there is, is zoomed with the mouse wheel, and moved by dragging."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from gi.repository import Gdk, GLib, Gtk
+
+_STEP, _MOST = 1.25, 8.0
+#: Of the room, so that no scroll bars appear where everything fits.
+_MARGIN = 4
+
+
+class ZoomedView:
+    """The view, around a picture that its owner draws.
+
+    Parameters
+    ----------
+    picture : Gtk.Image
+    least : (int, int)
+        Width and height that it has at least, px.
+    refresh : callable
+        Draws the picture anew, for another :attr:`room` or :attr:`zoom`.
+    """
+
+    def __init__(self, picture: Gtk.Image, least: tuple[int, int], refresh: Callable[[], object]) -> None:
+        self._refresh, self._least = refresh, least
+        #: How many times larger than what fills the room.
+        self.zoom = 1.0
+        self._seen = least
+        self._held: tuple[float, float] | None = None
+        box = Gtk.EventBox()
+        box.add(picture)
+        box.add_events(
+            Gdk.EventMask.SCROLL_MASK
+            | Gdk.EventMask.SMOOTH_SCROLL_MASK
+            | Gdk.EventMask.BUTTON_PRESS_MASK
+            | Gdk.EventMask.BUTTON_RELEASE_MASK
+            | Gdk.EventMask.POINTER_MOTION_MASK
+        )
+        box.connect("scroll-event", self._scrolled)
+        box.connect("button-press-event", self._pressed)
+        box.connect("button-release-event", self._released)
+        box.connect("motion-notify-event", self._moved)
+        self.widget = Gtk.ScrolledWindow(hexpand=True, vexpand=True)
+        self.widget.set_size_request(*least)
+        self.widget.add(box)
+        self.widget.connect("size-allocate", self._allocated)
+
+    @property
+    def room(self) -> tuple[int, int]:
+        """Width and height there are, px."""
+        return self._seen[0] - _MARGIN, self._seen[1] - _MARGIN
+
+    def _allocated(self, _widget: Gtk.Widget, room: Any) -> None:
+        now = max(room.width, self._least[0]), max(room.height, self._least[1])
+        if now != self._seen:
+            self._seen = now
+            GLib.idle_add(self._draw)
+
+    def _draw(self) -> bool:
+        self._refresh()
+        return False
+
+    def _scrolled(self, _widget: Gtk.Widget, event: Any) -> bool:
+        _smooth, _across, down = event.get_scroll_deltas()
+        up = event.direction == Gdk.ScrollDirection.UP or down < 0
+        self.zoom = min(max(self.zoom * (_STEP if up else 1 / _STEP), 1.0), _MOST)
+        self._refresh()
+        return True
+
+    def _pressed(self, _widget: Gtk.Widget, event: Any) -> bool:
+        self._held = event.x_root, event.y_root
+        return True
+
+    def _released(self, _widget: Gtk.Widget, _event: Any) -> bool:
+        self._held = None
+        return True
+
+    def _moved(self, _widget: Gtk.Widget, event: Any) -> bool:
+        if self._held is None:
+            return False
+        for bar, before, now in zip(
+            (self.widget.get_hadjustment(), self.widget.get_vadjustment()),
+            self._held,
+            (event.x_root, event.y_root),
+            strict=True,
+        ):
+            bar.set_value(bar.get_value() + before - now)
+        self._held = event.x_root, event.y_root
+        return True

@@ -72,7 +72,7 @@ class Windows(ABC):
         return whole if dtype is None else whole.astype(dtype)
 
 
-def as_array(image: Any, name: Name = "image") -> Image:
+def as_array(image: Any, name: Name = "image", *, endless: bool = False) -> Image:
     """Pixels of an array, or of a PIL picture, as they are.
 
     Parameters
@@ -81,6 +81,8 @@ def as_array(image: Any, name: Name = "image") -> Image:
         Of PIL pictures those with a palette become RGB, or RGBA where colours are transparent.
     name : str or Term
         What the caller calls this image; used in error texts.
+    endless : bool
+        Whether it may be of any size, as its caller only looks at windows of it.
 
     Returns
     -------
@@ -129,7 +131,7 @@ def as_array(image: Any, name: Name = "image") -> Image:
             array=term_of(name),
         )
     height, width = array.shape[:2]
-    if height * width > MOST_PIXELS:
+    if height * width > MOST_PIXELS and not endless:
         raise ImageError(
             "{array} has {width} × {height} px, more than are taken at once; pass a part of it",
             kind="too large",

@@ -19,7 +19,7 @@ from scipy.ndimage import gaussian_filter
 
 from toposeam.colours import parse_colour, to_hex
 from toposeam.errors import OptionError
-from toposeam_cli.media.pictures.libvips import rendered, to_vips
+from toposeam_cli.media.pictures.libvips import load_vips, to_vips
 from toposeam_cli.motifs.cloth import Piece, lay
 
 #: Every product by name, in the order of books.
@@ -231,7 +231,8 @@ def _rendered(shown: Product, drawing: str, fill: dict[str, str], ground: str | 
         f'width="{round(shown.width * shown.px_per_mm)}" height="{round(shown.height * shown.px_per_mm)}" '
         f'viewBox="0 0 {shown.width:g} {shown.height:g}"><defs>{filters}</defs>{floor}{drawing}</svg>'
     )
-    pixels: np.ndarray = rendered(document).numpy().astype(np.float32) / 255
+    image = load_vips().Image.svgload_buffer(document.encode(), unlimited=True)
+    pixels: np.ndarray = image.numpy().astype(np.float32) / 255
     return pixels
 
 

@@ -21,6 +21,8 @@ Value = TypeVar("Value")
 #: What may be decoded. Whatever else a libvips has is blocked, so that nobody's file reaches it by its
 #: content: drawings, tables, documents, dumps of libvips' own, all that ImageMagick knows.
 _DECODED = ("Png", "Jpeg", "Tiff", "Webp", "Nsgif", "Heif")
+#: Drawings of our own are rendered from memory; files are read from sources, which this is not.
+_DRAWN = "SvgBuffer"
 
 _INTERPRETATIONS = {
     (np.dtype(np.uint8), 1): "b-w",
@@ -49,19 +51,9 @@ def load_vips() -> Any:
         ) from error
     pyvips.cache_set_max(0)  # cached operations would keep finished pictures in memory
     pyvips.operation_block_set("VipsForeignLoad", True)
-    for kind in _DECODED:
+    for kind in (*_DECODED, _DRAWN):
         pyvips.operation_block_set(f"VipsForeignLoad{kind}", False)
     return pyvips
-
-
-def rendered(document: str) -> VipsImage:
-    """Render an SVG document of our own; those of others are never given to libvips."""
-    vips = load_vips()
-    vips.operation_block_set("VipsForeignLoadSvg", False)
-    try:
-        return vips.Image.svgload_buffer(document.encode(), unlimited=True)
-    finally:
-        vips.operation_block_set("VipsForeignLoadSvg", True)
 
 
 def channels(pixels: np.ndarray | Windows) -> int:

@@ -53,14 +53,18 @@ class Layer:
         check_kind("name", self.name, str, "a text")
         if self.data_range is not None:
             check_number("data_range", self.data_range, 0, above=True)
-        image = self.image if isinstance(self.image, Windows) else as_array(self.image, self.title)
+        image = (
+            self.image if isinstance(self.image, Windows) else as_array(self.image, self.title, endless=True)
+        )
         if hasattr(self.image, "getbands") and image.ndim == 3 and image.shape[2] in (2, 4):  # of PIL
             if self.alpha is None:
                 object.__setattr__(self, "alpha", image[..., -1])
             image = image[..., 0] if image.shape[2] == 2 else image[..., :3]
         object.__setattr__(self, "image", image)
         if self.alpha is not None and not isinstance(self.alpha, Windows):
-            object.__setattr__(self, "alpha", as_array(self.alpha, Term("", f"the alpha of {self.name}")))
+            object.__setattr__(
+                self, "alpha", as_array(self.alpha, Term("", f"the alpha of {self.name}"), endless=True)
+            )
         if self.alpha is not None and self.alpha.shape != self.image.shape[:2]:
             raise ImageError(
                 "{name}: alpha has shape {shape!s}, the image {expected!s}; pass one value per pixel",

@@ -110,8 +110,8 @@ def synthesize(
         A normal map: unit vectors, (v + 1) / 2 as a share of white, or in floats below 0 as they are. Where
         patches are mixed, vectors have length 1 again.
     weights : sequence of float, optional
-        How much the picture, each map and the normals count in the search and in the seams; 1 each by
-        default.
+        How much the picture, each map and the normals count in the search and in the seams, against a
+        picture of as much variance; 1 each by default.
     shares : sequence of float, optional
         On how much of the texture each exemplar is to show against the others, nearly; by default wherever
         it fits best.

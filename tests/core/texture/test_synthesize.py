@@ -167,7 +167,7 @@ def test_variety_keeps_copies_of_the_same_place_apart(sample):
 @pytest.mark.parametrize("weight", [0.5, 1.0])
 @pytest.mark.filterwarnings("error")
 def test_what_a_guide_asks_for_is_laid_however_little(sample, weight):
-    """A disc of 5 % and a road, of another texture: limits against repetition used to run out of the first."""
+    """A disc of 5 % and a road, of another texture: limits against repetition used up the first."""
     ground, stone = sample(1, (72, 72)), 255 - sample(2, (72, 72)) // 3
     y, x = np.indices((160, 160))
     for wanted in (np.hypot(y - 60, x - 100) < 20, np.abs(x - 80 - 30 * np.sin(y / 25)) < 10):
@@ -180,6 +180,21 @@ def test_what_a_guide_asks_for_is_laid_however_little(sample, weight):
         )
         assert (made.exemplar.astype(bool) != wanted).mean() <= 0.03
         assert made.patch[0] < ts.natural_patch(ground)
+
+
+def test_maps_that_vary_more_count_no_more_than_the_picture(sample):
+    """Heights of ten times the contrast: patches and seams are those of heights of the picture's contrast."""
+    grain = np.random.default_rng(0).integers(90, 130, (72, 72)).astype(np.uint8)
+    heights = sample(3, (72, 72)).astype(np.float32) / 255
+    low = heights.mean() + (heights - heights.mean()) * (grain / 255.0).std() / heights.std()
+    made, alike = (
+        ts.synthesize(grain, (120, 120), patch=24, maps=[given.astype(np.float32)])
+        for given in (heights, low)
+    )
+    assert (made.source == alike.source).mean() > 0.99
+    assert made.settings["level"] is False  # smooth heights make no smooth picture
+    flat = ts.synthesize(np.full((72, 72, 3), 9, np.uint8), (90, 90), patch=24, maps=[heights])
+    assert len(np.unique(flat.maps[0])) > 100
 
 
 def unit_vectors(seed, shape):

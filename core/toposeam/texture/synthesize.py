@@ -11,7 +11,6 @@ import numpy.typing as npt
 
 from toposeam.checks import Seed, check_choice, check_items, check_number, check_pair, check_whole
 from toposeam.errors import ImageError, OptionError, Term
-from toposeam.images import MAX_PIXELS
 from toposeam.texture.assemble_result import finish
 from toposeam.texture.canvas.index_canvas import IndexCanvas
 from toposeam.texture.canvas.progress import Previews, stage, together
@@ -61,7 +60,7 @@ def synthesize(
     smooth: int = 1,
     flatten: bool = False,
     level: Level | None = None,
-    max_megapixels: float = MAX_PIXELS / 1e6,
+    max_megapixels: float = 72.0,
     processes: int = 1,
     progress: Callable[[float], None] | None = None,
     preview: Callable[[npt.NDArray[Any]], None] | None = None,
@@ -234,8 +233,9 @@ def synthesize(
             )
         raise ImageError(
             "no place that shows has room for a patch of {width} × {height} px; use {smaller}an exemplar "
-            "with fewer holes",
+            "with fewer holes, or {transparent} where holes are part of it",
             kind="no opaque room",
+            transparent=Term("transparent", value=True),
             **room,
         )
     count = patches_on(canvas, side, overlap)

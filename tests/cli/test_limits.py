@@ -87,7 +87,7 @@ def motif(toposeam, folder):
         ("join m.png n.png --sheet 1000x1000", "more than 400,000,000 px; ask for fewer"),
         ("join m.png n.png --sheet 9x9 --motif-pixels 8192", "400,000,000 pixels at most"),
         (f"join m.png n.png --grid {'9' * 40}", "--grid has a number of 40 digits"),
-        ("synth a.png --size 100000x100000", "more than 64 megapixels"),
+        ("synth a.png --size 100000x100000", "more than 72 megapixels"),
         ("synth a.png --size 64 --patch 99999999", "smaller than a patch of 99999999 px"),
         ("stitch a.png b.png --at 0,0 --at 999999,999999", "lies beside"),
     ],

@@ -22,7 +22,7 @@ from toposeam_cli.motifs.print_options import (
     renamed,
     write_print,
 )
-from toposeam_cli.motifs.printing import SUFFIXES, Print, describe, ink_names, sheet_coverage
+from toposeam_cli.motifs.printing import SUFFIXES, Print, describe, ink_names, sheet_coverage, unseen_inks
 from toposeam_cli.motifs.recipe_files import (
     read_recipe,
     read_settings,
@@ -147,6 +147,9 @@ def motif(
         made = ts.generate_motif(recipe, progress=bar)
     extent = write_print(output, made, lambda: sheet_coverage(made, paper), paper, ink, force)
     if not quiet:
+        unseen = unseen_inks(recipe)
+        if unseen is not None:
+            click.echo(unseen, err=True)
         click.echo(f"{output}: {extent}, {describe(made, paper.counts)}", err=show_recipe)
 
 

@@ -31,7 +31,8 @@ from toposeam_cli.textures.options import (
 @click.option(
     "--band",
     type=int,
-    help="How many px along each border may change; an eighth of the shorter side by default, 48 at most.",
+    help="How many px along each border may change; by default an eighth of the shorter side, 48 at most, or "
+    "more where elements are larger.",
 )
 @click.option(
     "--tileable",
@@ -42,8 +43,18 @@ from toposeam_cli.textures.options import (
 )
 @click.option(
     "--size",
-    type=click.Choice(["auto"]),
-    help="auto: crop to the largest size on which bricks, threads or lines close without being stretched.",
+    type=click.Choice(["auto", "keep"]),
+    default="auto",
+    show_default=True,
+    help="auto: where an order is seen, crop to the largest size on which bricks, threads or lines close "
+    "without being stretched; keep: never.",
+)
+@click.option("--flatten", is_flag=True, help="Take slow light out of IMAGE first.")
+@click.option(
+    "--level/--no-level",
+    default=False,
+    show_default=True,
+    help="Take out the light by which opposite borders differ. Not for pictures of normals or heights.",
 )
 @click.option("--preview", type=OUTPUT, help="Also write the picture repeated 3 × 3.")
 @search_options
@@ -53,7 +64,9 @@ def tile(
     output: Path,
     band: int | None,
     tileable: ts.Tileable,
-    size: str | None,
+    size: str,
+    flatten: bool,
+    level: bool,
     preview: Path | None,
     search: Search,
     results: Results,
@@ -67,14 +80,17 @@ def tile(
     goes = results.destinations(output, search, preview)
     picture, maps = read_one(image, search, results)
     goes.check([picture], maps)
-    fits = None if size is None else _closing_size(picture, tileable)
-    if fits is not None:
+    fits = _closing_size(picture, tileable)
+    cropped = size == "auto" and fits != picture.pixels.shape[:2]
+    if cropped:
         picture, maps = _cropped(picture, fits), maps.changed(partial(_cropped, size=fits))
     with share_bar(f"closing {image.name}", results.quiet) as progress:
         made = ts.make_tileable(
             picture.pixels,
             band=band,
             tileable=tileable,
+            flatten=flatten,
+            level=level,
             alpha=picture.alpha,
             progress=progress,
             **maps.keywords(picture, search.weights),
@@ -87,8 +103,9 @@ def tile(
             f"{output}: {width} × {height} px, {counted(made.count, 'patch')} in a band of "
             f"{made.settings['band']} px"
         )
-        fits = fits or _closing_size(picture, tileable)
-        if fits != (height, width):
+        if cropped:
+            click.echo("cropped to where its order closes (--size keep: not)")
+        elif fits != (height, width):
             click.echo(
                 f"its order does not close on this size; cropped to {fits[1]} × {fits[0]} px it does (--size "
                 "auto)"

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 import toposeam as ts
+from toposeam.colours import to_hex
 from toposeam.motif.ink.printing import MAX_PATTERN
 from toposeam.motif.ink.svg import check_counts
 from toposeam.motif.optimise.hexagonal_lattice import tile_size
@@ -22,6 +23,8 @@ from toposeam_cli.media.pictures.libvips import load_vips
 from toposeam_cli.media.pictures.picture import Picture
 from toposeam_cli.motifs.recipe_files import to_xmp
 
+#: Inks that take less than this from every channel of the paper are not seen on it.
+_FAINT = 0.12
 #: What a motif can be written as.
 SUFFIXES = (".png", ".tif", ".tiff", ".svg")
 #: Resolution of a motif whose width on paper is given, without --dpi.
@@ -117,6 +120,21 @@ def sheet_coverage(made: ts.Motif, paper: Print) -> np.ndarray:
 def ink_names(recipe: ts.Recipe) -> tuple[str, ...]:
     """Return the names of a motif's inks."""
     return tuple(layer.name or f"ink {number}" for number, layer in enumerate(recipe.layers, 1))
+
+
+def unseen_inks(recipe: ts.Recipe) -> str | None:
+    """Return one sentence where inks cannot be told from the paper, on which they multiply; None where all
+    can.
+    """
+    paper = np.array(recipe.paper)
+    taken = [float((paper * (1 - np.array(layer.ink))).max()) for layer in recipe.layers]
+    names = [name for name, share in zip(ink_names(recipe), taken, strict=True) if share < _FAINT]
+    if not names:
+        return None
+    return (
+        f"{', '.join(names)} will hardly be seen: inks are transparent and make the paper darker, and "
+        f"{to_hex(paper)} is as dark as they are; take a lighter paper, or darker inks"
+    )
 
 
 def describe(made: ts.Motif, counts: tuple[int, int]) -> str:

@@ -260,7 +260,7 @@ _RESULTS: tuple[Callable[[Any], Any], ...] = (
     click.option(
         "--max-megapixels",
         type=MEGAPIXELS,
-        default=64.0,
+        default=72.0,
         show_default=True,
         help="Refuse larger pictures; the search for patches takes about 30 bytes a pixel.",
     ),

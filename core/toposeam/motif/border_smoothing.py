@@ -59,30 +59,35 @@ def calmed(densities: Sequence[Singles], recipe: Recipe, make: Callable[[list[Si
     motif = make(list(densities))
     if recipe.repeat == "none":
         return motif
-    best, shows = motif, conspicuous(motif)
-    layers = list(densities)
+    best, planes = motif, _visibilities(motif)
+    layers, least = list(densities), planes.max()
     for width in _WIDTHS:
-        if shows.max() <= 1:
+        if least <= 1:
             break
-        for index, layer in enumerate(recipe.layers):
-            for axis in np.flatnonzero(shows > 1):
+        for axis in np.flatnonzero(planes.max(axis=0) > 1):
+            own = planes[:-1, axis] > 1  # what no layer shows by itself all of them change
+            for index in np.flatnonzero(own) if own.any() else range(len(layers)):
+                layer = recipe.layers[index]
                 layers[index] = _level(layers[index], int(axis), layer.mass, layer.edge, recipe.repeat, width)
         motif = make(layers)
-        found = conspicuous(motif)
-        if found.max() < shows.max():
-            best, shows = motif, found
+        planes = _visibilities(motif)
+        if planes.max() < least:
+            best, least = motif, planes.max()
     return best
 
 
 def conspicuous(motif: Motif) -> npt.NDArray[np.float64]:
     """`border_visibility` of rows and of columns, the largest of all inks and of the composite."""
+    found: Floats = _visibilities(motif).max(axis=0)
+    return found
+
+
+def _visibilities(motif: Motif) -> Floats:
+    """Compute `border_visibility` of rows and columns, for each ink and the composite: (n_L + 1, 2)."""
     layers = repeat_densities(motif, period(motif.repeat))
     rows, columns = motif.densities.shape[1:]
     planes = (*layers, mix(layers, motif.inks, motif.paper) @ LUMA.astype(np.float32))
-    found: Floats = np.max(
-        [(line_visibility(one, rows), line_visibility(one.T, columns)) for one in planes], axis=0
-    )
-    return found
+    return np.array([(line_visibility(one, rows), line_visibility(one.T, columns)) for one in planes])
 
 
 def _level(density: Singles, axis: int, mass: float, edge: str, repeat: str, width: float) -> Singles:

@@ -19,7 +19,6 @@ from toposeam.checks import (
     check_whole,
 )
 from toposeam.errors import ImageError, OptionError, Term
-from toposeam.images import MAX_PIXELS
 from toposeam.texture.assemble_result import finish
 from toposeam.texture.canvas.index_canvas import IndexCanvas
 from toposeam.texture.canvas.progress import Previews, stage, together
@@ -69,7 +68,7 @@ def synthesize(
     smooth: int = 1,
     flatten: bool = False,
     level: Level | None = None,
-    max_megapixels: float = MAX_PIXELS / 1e6,
+    max_megapixels: float = 72.0,
     processes: int = 1,
     progress: Callable[[float], None] | None = None,
     preview: Callable[[npt.NDArray[Any]], None] | None = None,
@@ -118,8 +117,8 @@ def synthesize(
         A normal map: unit vectors, (v + 1) / 2 as a share of white, or in floats below 0 as they are. Where
         patches are mixed, vectors have length 1 again.
     weights : sequence of float, optional
-        How much the picture, each map and the normals count in the search and in the seams; 1 each by
-        default.
+        How much the picture, each map and the normals count in the search and in the seams, against a
+        picture of as much variance; 1 each by default.
     shares : sequence of float, optional
         On how much of the texture each exemplar is to show against the others, nearly; by default wherever
         it fits best.
@@ -244,8 +243,9 @@ def synthesize(
             )
         raise ImageError(
             "no place that shows has room for a patch of {width} × {height} px; use {smaller}an exemplar "
-            "with fewer holes",
+            "with fewer holes, or {transparent} where holes are part of it",
             kind="no opaque room",
+            transparent=Term("transparent", value=True),
             **room,
         )
     count = patches_on(canvas, side, overlap)

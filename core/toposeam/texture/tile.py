@@ -8,17 +8,25 @@ from typing import Unpack
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.checks import Seed, check_function, check_whole
+from toposeam.checks import Seed, check_choice, check_function, check_whole
 from toposeam.errors import ImageError, OptionError, Term
-from toposeam.images import Mask, as_array, full_scale
+from toposeam.images import Image, Mask, as_array, as_float, full_scale
 from toposeam.texture.assemble_result import finish
 from toposeam.texture.canvas.synthesis import Synthesis
 from toposeam.texture.canvas.tileable import Tileable
+from toposeam.texture.exemplar.scale import natural_patch
 from toposeam.texture.exemplar.sources import UNSEEN_STEP, DataRange, Images, as_list, check_varied
 from toposeam.texture.holes.hole_window import read_holed
+from toposeam.texture.light.border_light import levelled_borders
+from toposeam.texture.light.slow_light import flattened
 from toposeam.texture.placement.options import LayKeywords, LayOptions
 from toposeam.texture.placement.request import TextureRequest
 from toposeam.texture.scheduling.raster import SMALLEST_TILE
+
+#: The widest band where elements are no larger, px.
+_USUAL = 48
+#: So much of the middle of a picture tells how large elements are, px.
+_SEEN = 1024
 
 
 def make_tileable(
@@ -33,6 +41,8 @@ def make_tileable(
     weights: Sequence[float] | None = None,
     data_range: DataRange = None,
     smooth: int = 1,
+    flatten: bool = False,
+    level: bool = False,
     progress: Callable[[float], None] | None = None,
     options: LayOptions | None = None,
     **given: Unpack[LayKeywords],
@@ -48,12 +58,18 @@ def make_tileable(
     image : (H, W) or (H, W, C) array_like
         Gray or RGB.
     band : int, optional
-        Width of the band along each border, px; by default an eighth of the shorter side, 48 at most.
-        Everything inside stays as it is, bit for bit.
+        Width of the band along each border, px; by default an eighth of the shorter side, 48 at most, or
+        where elements are larger their natural patch. Everything inside stays as it is, bit for bit, but for
+        its light.
     seed : int, Generator or None
         The same seed gives the same bytes; the result keeps it.
     tileable : {"both", "x", "y"} or True
         Which borders are to match: left and right ("x"), upper and lower ("y"), or all.
+    flatten : bool
+        Take slow light out of the picture first (:func:`toposeam.flatten_light`); not out of maps.
+    level : bool
+        Take out the light by which opposite borders differ, spread over the picture
+        (:mod:`toposeam.texture.light.border_light`); not out of maps.
     alpha, maps, normal, weights, data_range, smooth, progress, options
         As for :func:`toposeam.synthesize`.
 
@@ -107,7 +123,11 @@ def make_tileable(
             height=height,
             image=Term("image", "the image"),
         )
-    band = _band(band, (height, width), wraps)
+    check_choice("flatten", flatten, (True, False))
+    check_choice("level", level, (True, False))
+    if flatten or level:
+        image = _even(request, image, flatten=flatten, level=level)
+    band = _band(request, image, band, wraps)
     border, near = (_borders((height, width), wraps, reach) for reach in (1, band))
     if alpha is not None and np.shape(alpha) == border.shape and not (border & (np.asarray(alpha) > 0)).any():
         if not np.any(np.asarray(alpha) > 0):
@@ -145,7 +165,7 @@ def make_tileable(
         placer.lay(top, left, shape, near[rows, columns])
         if progress is not None:
             progress(done / len(windows))
-    settings = {"band": band, **request.settings}
+    settings = {"band": band, **request.settings, "flatten": flatten, "level": level}
     across: list[tuple[int, int, tuple[int, int]]] = []
     if any(top == -band for top, _, _ in windows):
         across.append((-band, 0, (2 * band, width)))
@@ -156,10 +176,40 @@ def make_tileable(
     )
 
 
-def _band(band: int | None, size: tuple[int, int], wraps: tuple[bool, bool]) -> int:
+def _even(request: TextureRequest, image: npt.ArrayLike, *, flatten: bool, level: bool) -> Image:
+    """Take light out of a picture."""
+    array = as_array(image)
+    white = request.white[0]
+    if (
+        level
+        and request.alpha is not None
+        and not (np.asarray(request.alpha) >= full_scale(array.dtype)).all()
+    ):
+        raise OptionError(
+            "light is levelled between opaque borders only; leave out {level}, or fill what is transparent",
+            kind="conflict",
+            parameter=Term("level"),
+        )
+    if flatten:
+        shows = None if request.alpha is None else as_array(request.alpha, "alpha") > 0
+        (array,) = flattened(array, shows, white)
+    if not level:
+        return array
+    as_float(array, "image", white)  # refuses NaN
+    return levelled_borders(array, request.wraps, white or full_scale(array.dtype))
+
+
+def _band(request: TextureRequest, image: npt.ArrayLike, band: int | None, wraps: tuple[bool, bool]) -> int:
     """Check the width of the band along the borders, or choose it."""
+    size = as_array(image).shape[:2]
     most = min(length for length, wrapping in zip(size, wraps, strict=True) if wrapping) // 4
-    band = int(np.clip(min(size) // 8, 4, 48)) if band is None else band
+    if band is None:
+        band = min(size) // 8
+        if most > _USUAL:  # else none can be wider
+            middle = tuple(slice(max((length - _SEEN) // 2, 0), (length + _SEEN) // 2) for length in size)
+            patch = natural_patch(as_array(image)[middle], data_range=request.white[0])
+            band = patch if patch > _USUAL else min(band, _USUAL)
+        band = int(np.clip(band, 4, most))
     try:
         return check_whole("band", band, 4, most)
     except OptionError as error:

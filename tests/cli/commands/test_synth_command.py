@@ -128,6 +128,15 @@ def test_values_that_a_format_would_clip_are_refused_first(toposeam, folder):
     assert not (folder / "o.png").exists()
 
 
+def test_holes_too_near_to_each_other_name_what_grows_them(toposeam):
+    y, x = np.indices((64, 70))
+    opaque = np.where((x // 5 + y // 5) % 2, 255, 0).astype(np.uint8)
+    written("lace.png", (x * 3).astype(np.uint8), opaque)
+    ran = toposeam("synth", "lace.png", *ASKED, "-o", "o.png")
+    assert ran.code == 1
+    assert "or --transparent where holes are part of it" in ran.err
+
+
 def test_several_sources_of_unlike_depth_become_one_texture(toposeam):
     assert toposeam("synth", "moss.png", "gray.tif", *ASKED, "-o", "both.tif").code == 0
     assert read_picture("both.tif").pixels.dtype == np.float32

@@ -66,20 +66,37 @@ def test_when_one_of_several_outputs_fails_none_is_left(toposeam, folder):
     assert [path.name for path in folder.iterdir()] == ["gravel.png"]
 
 
-def test_an_ordered_picture_is_cropped_to_its_period_on_request(toposeam):
+def test_light_is_taken_out_of_a_picture_that_repeats(toposeam):
+    _, x = np.mgrid[:160, :200]
+    grain = np.random.default_rng(0).normal(0, 8, x.shape)
+    write_picture("lit.png", Picture(pixels=np.rint(90 + 0.4 * x + grain).clip(0, 255).astype(np.uint8)))
+
+    def step(*options):
+        assert toposeam("tile", "lit.png", "-o", "o.png", "--force", *options).code == 0
+        made = read_picture("o.png").pixels.astype(float)
+        across = made.mean(axis=0)  # light on 20 px, over the border as inside
+        light = np.convolve(np.concatenate([across, across]), np.ones(20) / 20, "valid")
+        return np.abs(light[20:] - light[:-20]).max()
+
+    assert step() > 30
+    assert step("--level") < 20
+    assert step("--flatten") < 10
+
+
+def test_an_ordered_picture_is_cropped_unless_it_is_kept(toposeam):
     y, x = np.mgrid[:131, :149]
     checks = np.where((x // 10 + y // 12) % 2, 40, 210) + np.random.default_rng(0).integers(0, 9, x.shape)
     write_picture("checks.png", Picture(pixels=checks.astype(np.uint8)))
-    ran = toposeam("tile", "checks.png", "-o", "whole.png")
+    ran = toposeam("tile", "checks.png", "--size", "keep", "-o", "whole.png")
     assert ran.code == 0, ran
     assert read_picture("whole.png").pixels.shape == (131, 149)
     assert "cropped to 140 × 120 px it does (--size auto)" in ran.out
-    ran = toposeam("tile", "checks.png", "--size", "auto", "-o", "tile.png")
+    ran = toposeam("tile", "checks.png", "-o", "tile.png")
     assert ran.code == 0, ran
     made = read_picture("tile.png").pixels.astype(int)
     assert made.shape == (120, 140)
     np.testing.assert_array_less(np.abs(made - np.roll(made, (24, 20), (0, 1))), 60)
-    assert "close" not in ran.out
+    assert "cropped to where its order closes" in ran.out
     opaque = np.where(x < 60, 255, 0).astype(np.uint8)
     hidden = np.where(opaque > 0, checks, np.where((x // 7 + y // 17) % 2, 20, 230))
     write_picture("checks.png", Picture(pixels=hidden.astype(np.uint8), alpha=opaque), force=True)

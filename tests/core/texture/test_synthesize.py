@@ -182,6 +182,21 @@ def test_what_a_guide_asks_for_is_laid_however_little(sample, weight):
         assert made.patch[0] < ts.natural_patch(ground)
 
 
+def test_maps_that_vary_more_count_no_more_than_the_picture(sample):
+    """Heights of ten times the contrast: patches and seams are those of heights of the picture's contrast."""
+    grain = np.random.default_rng(0).integers(90, 130, (72, 72)).astype(np.uint8)
+    heights = sample(3, (72, 72)).astype(np.float32) / 255
+    low = heights.mean() + (heights - heights.mean()) * (grain / 255.0).std() / heights.std()
+    made, alike = (
+        ts.synthesize(grain, (120, 120), patch=24, maps=[given.astype(np.float32)])
+        for given in (heights, low)
+    )
+    assert (made.source == alike.source).mean() > 0.99
+    assert made.settings["level"] is False  # smooth heights make no smooth picture
+    flat = ts.synthesize(np.full((72, 72, 3), 9, np.uint8), (90, 90), patch=24, maps=[heights])
+    assert len(np.unique(flat.maps[0])) > 100
+
+
 def unit_vectors(seed, shape):
     slopes = np.random.default_rng(seed).normal(size=(*shape, 2))
     vectors = np.concatenate([slopes, np.ones((*shape, 1))], axis=2)

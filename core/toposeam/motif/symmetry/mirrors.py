@@ -74,6 +74,7 @@ class Mirrors:
 
     def __init__(self, repeat: str, shape: tuple[int, int], border: bool = False) -> None:
         self.symmetry: Symmetry = symmetry(repeat, shape)
+        self._free = repeat == "reflect"
         self._columns: npt.NDArray[np.intp] | None = None
         counts = shape
         if repeat in HEXAGONAL:  # upright on paper are the columns of 2u - v, see `hexagonal`
@@ -90,10 +91,12 @@ class Mirrors:
         self, density: Floats, mass: float, lowest: Floats, highest: Floats, *, wash: bool = False
     ) -> Floats:
         """Return a design with as much on mirrors as beside them, within bounds, and with the mass that it
-        should have where they allow: each row of the band, or, of wash, the band as a whole.
+        should have where they allow: each row of the band, or, of wash, the band as a whole; but for the
+        borders of `reflect`, along which wash would show as a line.
         """
         if not self.any:
             return density
+        wash = wash and not self._free
         for _ in range(_PASSES):
             density = np.clip(self._levelled(density, wash), lowest, highest)
             density = np.clip(density * (mass / density.mean()), lowest, highest)

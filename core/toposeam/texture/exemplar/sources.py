@@ -37,7 +37,8 @@ class Sources:
     gray : tuple of bool
         Per map, whether it came without a channel axis.
     features : tuple of (H, W, F) float32 arrays
-        Per exemplar, the channels of all maps times the root of the map's weight.
+        Per exemplar, the channels of all maps times the root of the map's weight; maps that vary more than
+        the picture are scaled down to as much first.
     present : tuple of (H, W) bool arrays
         Where the exemplar has pixels.
     usable : tuple of (H, W) bool arrays
@@ -58,6 +59,8 @@ class Sources:
     has_alpha: bool
     has_normal: bool = False
     transparent: bool = False
+    #: How many of the features are the picture's own.
+    own_features: int = 0
 
     @property
     def shapes(self) -> tuple[tuple[int, int], ...]:
@@ -178,6 +181,10 @@ def read_sources(
         planes.append(tuple(one[..., np.newaxis] for one in full))
         gray.append(True)
         factors, white = [*factors, 1.0], [*white, float(opaque)]
+    labels[0] = Term(name)
+    if factors[0] > 0:
+        maps_end = len(planes) - has_alpha
+        factors[1:maps_end] = _evened(planes[:maps_end], labels, factors, white, present)
     features = []
     for exemplar, there in enumerate(present):
         labels[0] = names[exemplar]
@@ -196,7 +203,35 @@ def read_sources(
         has_alpha=has_alpha,
         has_normal=normal is not None,
         transparent=transparent,
+        own_features=planes[0][0].shape[2] if factors[0] > 0 else 0,
     )
+
+
+def _evened(
+    planes: Sequence[Sequence[Image]],
+    labels: Sequence[Term],
+    factors: Sequence[float],
+    white: Sequence[float | None],
+    present: Sequence[Mask],
+) -> list[float]:
+    """Return the weights of maps so that none counts for more than the picture because it varies more:
+    heights of bricks would else decide where seams run, and colours would be torn.
+    """
+
+    def variance(index: int) -> float:
+        each = zip(present, planes[index], strict=True)
+        seen = [as_float(_where(there, one), labels[index], white[index])[there] for there, one in each]
+        return float(np.concatenate(seen).var(axis=0, dtype=np.float64).sum())
+
+    count = range(1, len(planes))
+    if not any(factors[index] for index in count):
+        return list(factors[1 : len(planes)])
+    most = variance(0)
+    found = []
+    for index in count:
+        varies = variance(index) if factors[index] else 0.0
+        found.append(factors[index] * (most / varies if varies > most > 0 else 1.0))
+    return found
 
 
 def check_varied(sources: Sources, name: str = "source") -> None:

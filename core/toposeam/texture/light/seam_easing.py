@@ -37,14 +37,17 @@ Level = bool | Literal["steps"]
 
 
 def level_for(sources: Sources) -> Level:
-    """Choose what exemplars need: light levelled where it is slow, and between fibres; steps eased where they
-    are smooth.
+    """Choose what exemplars need, by their pictures alone, whatever their maps are like: light levelled where
+    it is slow, and between fibres; steps eased where they are smooth.
     """
-    if any(map(has_slow_light, sources.features, sources.usable)):
+    if not sources.own_features:
+        return False
+    pictures = [values[..., : sources.own_features] for values in sources.features]
+    if any(map(has_slow_light, pictures, sources.usable)):
         return True
-    if all(map(is_fibrous, sources.features, sources.usable)):
+    if all(map(is_fibrous, pictures, sources.usable)):
         return True
-    return "steps" if all(map(is_smooth, sources.features, sources.usable)) else False
+    return "steps" if all(map(is_smooth, pictures, sources.usable)) else False
 
 
 def is_smooth(features: Floats32, usable: Mask) -> bool:

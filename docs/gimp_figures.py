@@ -258,7 +258,7 @@ image_of(number).set_selected_layers([item(layer) for layer in layers])
 
 
 #: The dialogs that are photographed.
-DIALOGS = ("stitch", "patch", "synthesize", "tile", "fill", "motif", "repeat", "loop")
+DIALOGS = ("panorama", "stitch", "patch", "synthesize", "tile", "fill", "motif", "repeat", "loop")
 #: So many stand beside each other on the sheets in Korean and of a fine screen.
 COLUMNS = 3
 
@@ -269,7 +269,7 @@ def dialogs(gimp: Gimp, screen: Screen, target: Path, language: str = "en", scal
     for name in DIALOGS:
         entry = PROCEDURES[f"plug-in-toposeam-{name}"]
         loaded = opened(gimp, name)
-        layers = loaded["layers"] if name == "stitch" else loaded["layers"][-1:]
+        layers = loaded["layers"] if name in ("panorama", "stitch") else loaded["layers"][-1:]
         call = {"procedure": entry.name, "image": loaded["image"], "layers": layers, "mode": "INTERACTIVE"}
         asked = threading.Thread(target=lambda call=call: gimp.run(**call), daemon=True)
         asked.start()
@@ -321,7 +321,8 @@ def opened(gimp: Gimp, name: str) -> dict[str, Any]:
         code = "image_of(number).select_ellipse(Gimp.ChannelOps.REPLACE, 26, 76, 62, 52)"
         gimp.python(code=code, number=loaded["image"])
         return loaded
-    loaded = load(gimp, "still_life_left.png", "still_life_right.png", offsets=[[0, 0], [270, 0]])
+    offsets = [[0, 0], [0, 0]] if name == "panorama" else [[0, 0], [270, 0]]
+    loaded = load(gimp, "still_life_left.png", "still_life_right.png", offsets=offsets)
     if name == "patch":
         code = "image_of(number).select_ellipse(Gimp.ChannelOps.REPLACE, 330, 140, 100, 200)"
         gimp.python(code=code, number=loaded["image"])

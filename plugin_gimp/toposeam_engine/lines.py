@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +14,8 @@ from toposeam.vector.smooth import TOLERANCES_PX
 Floats = npt.NDArray[np.float64]
 #: Longer lines are followed less closely at once: they wander too much for few curves.
 _LONG_PX = 1500
+#: A line that was found may end so many points farther on than one that was traced again.
+_REACH = 5
 
 
 def lines_of(
@@ -37,39 +39,58 @@ def _smooth(line: ts.Polyline, *, at_once: bool = False) -> tuple[list[list[floa
     return smooth.curves.reshape(-1, 8).tolist(), pieces
 
 
+class _Alike(NamedTuple):
+    """How far a line runs as a known one does, in points a pixel apart."""
+
+    first: int
+    last: int
+    #: By how many points the known one begins before it, and ends after it.
+    before: int
+    after: int
+    known: Mapping[str, Any]
+
+
 def _like_known(
     line: ts.Polyline, known: Sequence[Mapping[str, Any]]
 ) -> tuple[list[list[float]], list[list[float]]] | None:
     """Curves and pieces of which those at both ends are a known line's; None where nothing is alike."""
-    best: tuple[int, int, Mapping[str, Any]] | None = None
     new = _dense(line.points)
-    for other in known if not line.closed else ():
-        if other["closed"]:
-            continue
-        old = _dense(_points(other["pieces"]))
-        count = min(len(old), len(new))
-        first = _same(old[:count], new[:count])
-        last = min(_same(old[::-1][:count], new[::-1][:count]), count - first)
-        if best is None or first + last > best[0] + best[1]:
-            best = first, last, other
-    if best is None or best[0] + best[1] < 2:
+    found = [_alike(new, other) for other in known if not line.closed and not other["closed"]]
+    best = max(found, key=lambda alike: alike.first + alike.last, default=None)
+    if best is None or best.first + best.last < 2:
         return None
-    first, last, other = best
-    begin, end, left, right = 0, len(new) - 1, 0, len(other["pieces"])
-    sizes = [len(_dense(np.reshape(piece, (-1, 2)))) - 1 for piece in other["pieces"]]
-    while left < right and begin + sizes[left] < first:
+    curves, pieces = list(best.known["curves"]), list(best.known["pieces"])
+    if best.first == len(new):
+        return curves, pieces
+    sizes = [len(_dense(np.reshape(piece, (-1, 2)))) - 1 for piece in pieces]
+    begin, left, end, right = -best.before, 0, len(new) - 1 + best.after, len(pieces)
+    while left < right and begin + sizes[left] < best.first:
         begin += sizes[left]
         left += 1
-    while right > left and len(new) - 1 - end + sizes[right - 1] < last:
+    while right > left and len(new) - 1 - (end - sizes[right - 1]) < best.last:
         right -= 1
         end -= sizes[right]
+    begin, end = max(begin, 0), min(end, len(new) - 1)
     if end <= begin:
         return None
-    curves, pieces = _smooth(ts.Polyline(new[begin : end + 1]), at_once=True)
-    return (
-        [*other["curves"][:left], *curves, *other["curves"][right:]],
-        [*other["pieces"][:left], *pieces, *other["pieces"][right:]],
-    )
+    fitted, exact = _smooth(ts.Polyline(new[begin : end + 1]), at_once=True)
+    return [*curves[:left], *fitted, *curves[right:]], [*pieces[:left], *exact, *pieces[right:]]
+
+
+def _alike(new: Floats, other: Mapping[str, Any]) -> _Alike:
+    old = _dense(_points(other["pieces"]))
+    before, after = _place(old, new[0]), _place(old[::-1], new[-1])
+    old = old[before : len(old) - after]
+    count = min(len(old), len(new))
+    first = _same(old[:count], new[:count])
+    last = min(_same(old[::-1][:count], new[::-1][:count]), count - first)
+    return _Alike(first, last, before, after, other)
+
+
+def _place(line: Floats, point: Floats) -> int:
+    """Where among the first points of a line one lies; 0 where it does not."""
+    near = np.flatnonzero((np.abs(line[:_REACH] - point) < 1e-6).all(axis=1))
+    return int(near[0]) if len(near) else 0
 
 
 def _same(old: Floats, new: Floats) -> int:

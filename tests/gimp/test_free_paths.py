@@ -2,8 +2,11 @@
 
 from itertools import pairwise
 
+import numpy as np
 import pytest
 
+import toposeam as ts
+from toposeam_engine.lines import lines_of
 from toposeam_gimp.image import curves
 from toposeam_gimp.image import path_choice as choosing
 
@@ -138,3 +141,35 @@ def test_seams_of_the_command_line_are_known_by_their_names():
         False,
         False,
     ]
+
+
+def stairs(offsets):
+    """A seam from top to bottom, as pixels have it."""
+    points = [(offsets[0], 0)]
+    for row, x in enumerate(offsets):
+        points += [(x, row), (x, row + 1)]
+    return ts.Polyline(np.array(points, float)[1:])
+
+
+def corners(line):
+    """All corners that the pieces of a line pass."""
+    return {(x, y) for piece in line["pieces"] for x, y in np.reshape(piece, (-1, 2)).tolist()}
+
+
+@pytest.mark.parametrize("cut", [0, 1])
+def test_curves_are_kept_where_a_seam_runs_as_before(cut):
+    offsets = np.rint(40 + 25 * np.sin(np.arange(600) / 30) + 8 * np.sin(np.arange(600) / 7)).astype(int)
+    nowhere = np.zeros(2)
+    (before,) = lines_of([stairs(offsets)], nowhere)
+    changed = offsets.copy()
+    changed[280:330] += 15
+    line = stairs(changed)
+    if cut:  # traced again, a line may end a pixel earlier
+        line = ts.Polyline(line.points[1:-1])
+    (after,) = lines_of([line], nowhere, [before])
+    assert after["curves"][:3] == before["curves"][:3]
+    assert after["curves"][-3:] == before["curves"][-3:]
+    assert set(map(tuple, line.points.tolist())) <= corners(after)
+    for one, other in pairwise(after["curves"]):
+        assert one[6:] == other[:2]
+    assert lines_of([stairs(offsets)], nowhere, [before]) == [before]

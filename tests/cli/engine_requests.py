@@ -70,6 +70,14 @@ class Request:
         os.close(read)
         return process
 
+    def seen(self, masks, places, shape):
+        """(H, W) number of the layer that is seen where masks are laid on layers, on their (rows, columns)."""
+        seen = np.full(shape, -1)
+        for index, (raster, place) in enumerate(zip(masks, places, strict=True)):
+            here = seen[place]
+            here[np.s_[:] if raster is None else self.pixels(raster) > 0] = index
+        return seen
+
     def pixels(self, raster):
         pixels = np.fromfile(self.folder / raster["file"], raster["dtype"])
         return pixels.reshape(raster["height"], raster["width"], raster["channels"]).squeeze()

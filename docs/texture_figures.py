@@ -72,10 +72,10 @@ def uses() -> None:
     closed = ts.make_tileable(wall, band=32)
     save("texture-tile.jpg", [(None, np.tile(image, (2, 2, 1))) for image in (wall, closed.image)], 384)
 
-    made = ts.synthesize(wall, 400, patch=40, maps=[sample("cobbles_normal")], tileable=True)
+    made = ts.synthesize(wall, 400, patch=40, normal=sample("cobbles_normal"), tileable=True)
     save(
         "texture-maps.jpg",
-        [(wall, made.image), (sample("cobbles_normal"), made.maps[0]), (None, seams_over(made))],
+        [(wall, made.image), (sample("cobbles_normal"), made.normal), (None, seams_over(made))],
         380,
     )
 

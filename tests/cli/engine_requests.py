@@ -71,7 +71,7 @@ class Request:
         return process
 
     def seen(self, masks, places, shape):
-        """(H, W) number of the layer that is seen where masks are laid on layers, on their (rows, columns)."""
+        """(H, W) number of the layer that is seen, where masks lie on layers on their rows and columns."""
         seen = np.full(shape, -1)
         for index, (raster, place) in enumerate(zip(masks, places, strict=True)):
             here = seen[place]
@@ -100,3 +100,9 @@ def message_of(answer):
     assert code == 1
     assert events[-1]["event"] == "error"
     return events[-1]["message"]
+
+
+def points_of(line):
+    """(N, 2) points of a line: those of its pieces, which meet at their ends."""
+    pieces = [np.reshape(piece, (-1, 2)) for piece in line["pieces"]]
+    return np.concatenate([pieces[0], *(piece[1:] for piece in pieces[1:])])

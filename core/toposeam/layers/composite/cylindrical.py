@@ -23,8 +23,9 @@ from toposeam.layers.canvas.tile_map import BLOCK, blocks, made_map
 from toposeam.layers.labelling.problem import Pair
 from toposeam.layers.search.two_label_band import SeamHeat
 
-#: What adjoins at the cut is opened so far on either side, a share of the width.
-_BAND = 16
+#: What adjoins at the cut is opened so far on either side, a share of the width, but no more than so many
+#: pixels of the canvas.
+_BAND, _BAND_PIXELS = 16, 2_000_000
 
 
 class Turned(Windows):
@@ -173,7 +174,7 @@ class _Plus(Windows):
 
 def band(shape: tuple[int, int]) -> Mask:
     """(H, W) bool: the middle columns of a canvas."""
-    half = max(8, shape[1] // _BAND)
+    half = max(8, min(shape[1] // _BAND, _BAND_PIXELS // (2 * shape[0])))
     middle = shape[1] // 2
 
     def values(box: Box) -> Mask:

@@ -882,3 +882,9 @@ def test_pictures_give_way_by_a_few_px(views, toposeam, sole):
     assert re.search(r", bent by up to \d\.\d px\n$", ran.out)
     sole("--give bends pictures, and an .ora file keeps them", *words, "--give", "4", "-o", "out.ora")
     sole("leave one of them out", *TWO, "--give", "4", "--wrap", "400")
+
+
+@pytest.mark.medium
+def test_a_picture_that_is_left_out_is_no_middle(sole, other):
+    name = other("white")
+    sole(f"{name} is to lie in the middle, but {name} shows too little detail", *TWO, name, "--centre", name)

@@ -231,7 +231,7 @@ def _camera(where: str, entry: dict[str, Any], view: _View) -> Transform:
         raise ts.OptionError(f"{where} has no {missing[0]}; write that of its camera")
     yaw, pitch, roll = (_number(where, entry, key, 0.0, -36000, 36000) for key in ("yaw", "pitch", "roll"))
     width, height = _numbers(where, entry, "size", 2)
-    a, b, c = _numbers(where, entry, "lens", 3)
+    a, b, c = _numbers(where, entry, "lens", 3, 0.5)
     across, down = _numbers(where, entry, "shift", 2)
     return CameraTransform(
         size=(round(width), round(height)),
@@ -244,12 +244,14 @@ def _camera(where: str, entry: dict[str, Any], view: _View) -> Transform:
     )
 
 
-def _numbers(where: str, entry: dict[str, Any], key: str, count: int) -> list[float]:
+def _numbers(
+    where: str, entry: dict[str, Any], key: str, count: int, largest: float = _LARGEST_NUMBER
+) -> list[float]:
     """Return a list of numbers, zeros where it is not given."""
     values = entry.get(key, [0.0] * count)
     if not isinstance(values, list) or len(values) != count:
         raise ts.OptionError(f"{where}: {key} is {values!r}; write {count} numbers")
-    return [_number(where, {key: value}, key, 0.0, -_LARGEST_NUMBER, _LARGEST_NUMBER) for value in values]
+    return [_number(where, {key: value}, key, 0.0, -largest, largest) for value in values]
 
 
 def _number(where: str, entry: dict[str, Any], key: str, usual: float, low: float, high: float) -> float:

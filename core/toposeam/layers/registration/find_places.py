@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.checks import check_choice, check_items, check_range, check_whole
+from toposeam.checks import check_choice, check_function, check_items, check_range, check_whole
 from toposeam.errors import OptionError, OverlapError
 from toposeam.layers.canvas.layer import Layer
 from toposeam.layers.canvas.transforms import PROJECTIONS, PlaneTransform, Projection, Transform
@@ -174,6 +174,7 @@ class PlaceOptions:
         """Refuse options that mean nothing for so many pictures."""
         check_choice("model", self.model, ("auto", *MODELS))
         check_choice("projection", self.projection, ("auto", *PROJECTIONS))
+        check_choice("level", self.level, (True, False))
         check_range(0, 1, above=True, least_correlation=self.least_correlation)
         if self.focal is not None:
             check_range(0, math.inf, above=True, focal=self.focal)
@@ -265,12 +266,21 @@ def found_places(
     if len(pictures) < 2:
         raise OptionError(f"{len(pictures)} picture was given; pass at least two")
     options.check(len(pictures))
+    check_function("progress", progress)
     report: Callable[[float], None] = progress or (lambda _: None)
     sizes = [(picture.image.shape[1], picture.image.shape[0]) for picture in pictures]
     marked = matches_of(options.points, sizes)
     given = _Set(pictures, Sightings(pictures, report, executor, marked), options, executor)
     found = _found(given)
     numbers = list(found.numbers)
+    if options.centre is not None and options.centre not in numbers:
+        raise OverlapError(
+            "{centre} is to lie in the middle, but {why}; name another picture",
+            kind="centre",
+            layers=(options.centre,),
+            centre=given.names[options.centre],
+            why=_reason(given, found, options.centre),
+        )
     transforms = tuple(found.transforms)
     layers = tuple(place([pictures[number] for number in numbers], transforms))
     report(1.0)

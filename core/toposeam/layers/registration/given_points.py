@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from toposeam.checks import check_numbers
+from toposeam.checks import check_kind, check_numbers
 from toposeam.errors import OptionError
 from toposeam.layers.labelling.problem import Pair
 from toposeam.layers.registration.homography import least_squares_homography
@@ -35,6 +35,7 @@ def matches_of(points: Mapping[Pair, Any], sizes: Sequence[tuple[int, int]]) -> 
     OptionError
         When a pair is none of two pictures, or its points are too few, outside, or on one line.
     """
+    check_kind("points", points, Mapping, "a mapping from pairs of pictures to their points")
     matches: dict[Pair, Match] = {}
     for pair, given in points.items():
         i, j = _checked_pair(pair, len(sizes))

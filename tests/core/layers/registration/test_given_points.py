@@ -65,3 +65,16 @@ def test_points_that_mean_nothing_are_refused(points, words):
     with pytest.raises(ts.OptionError) as caught:
         matches_of(points, SIZES)
     assert words in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("option", "words"),
+    [
+        ({"points": POINTS}, "points is"),
+        ({"progress": 3}, "progress is 3; pass a function, or None"),
+        ({"level": "no"}, "level is 'no'"),
+    ],
+)
+def test_options_of_another_kind_are_refused(option, words):
+    with pytest.raises(ts.OptionError, match=words):
+        ts.find_places(dark(), **option)

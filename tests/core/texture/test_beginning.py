@@ -31,7 +31,7 @@ def test_a_repeating_texture_does_not_start_at_a_visible_border():
 def test_a_texture_begun_elsewhere_is_the_same_in_all_its_parts():
     image, alpha = stripes(), np.full((96, 96), 200, np.uint8)
     made = ts.synthesize(
-        image, (128, 112), patch=32, smooth=0, tileable=True, maps=[255 - image], alpha=alpha
+        image, (128, 112), patch=32, smooth=0, level=False, tileable=True, maps=[255 - image], alpha=alpha
     )
     steps = line_steps(made.image)[0]
     for first in (int(steps.argmax()), int(steps.argmin())):

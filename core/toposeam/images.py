@@ -353,7 +353,7 @@ def as_mask(mask: npt.ArrayLike, shape: tuple[int, ...], name: Name) -> Mask:
 
 
 def box_of(mask: Mask, reach: int = 0) -> tuple[slice, slice]:
-    """Rows and columns of a mask that is not empty, and so many px beyond them where there are any.
+    """Rows and columns of a mask that is not empty, and this many px beyond them where there are any.
 
     Examples
     --------

@@ -78,7 +78,7 @@ _PAGES = (".html", ".htm")
 @click.option(
     "--depth",
     type=click.IntRange(8, 512),
-    help="Let heat take its ways in a block of so many elements' height, and write the mesh: .stl or .ply.",
+    help="Let heat take its ways in a block of this many elements' height, and write the mesh: .stl or .ply.",
 )
 @click.option("--palettes", is_flag=True, help="Print the palettes that have a name.")
 @click.option("--show-recipe", is_flag=True, help="Print the recipe as TOML; without -o nothing is made.")

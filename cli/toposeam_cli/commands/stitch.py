@@ -173,7 +173,7 @@ from toposeam_cli.stitching.windowed_output import describe_totals, make, summar
     "--give",
     type=click.IntRange(1, MOST),
     metavar="PX",
-    help="Bend the pictures by up to so many px until what crosses a seam goes on behind it; for what stood "
+    help="Bend the pictures by up to PX pixels until what crosses a seam goes on behind it; for what stood "
     "near the camera.",
 )
 @click.option(
@@ -202,7 +202,7 @@ from toposeam_cli.stitching.windowed_output import describe_totals, make, summar
     "--fill-edges",
     type=click.IntRange(1, 1000),
     metavar="PX",
-    help="Crop to what lies within so many px of the pictures, and fill there what none of them shows.",
+    help="Crop to what lies within PX pixels of the pictures, and fill there what none of them shows.",
 )
 @click.option("--background", metavar="COLOUR", help="Fill holes with a colour, like white or #20304a.")
 @click.option("--quality", type=click.IntRange(1, 100), help="Of .jpg; 95 by default.")

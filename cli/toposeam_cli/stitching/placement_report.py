@@ -13,7 +13,7 @@ from toposeam.sentence import counted
 from toposeam_cli.media.pictures.lens import equivalent_mm
 from toposeam_cli.stitching.inputs import PlacedPictures
 
-#: What is left between two pictures is worth a warning from so many px on; so many pairs are named.
+#: What is left between two pictures is worth a warning from this many px on; so many pairs are named.
 _WORTH_PX, _NAMED = 2.0, 4
 
 

@@ -20,9 +20,9 @@ from toposeam.vector.polyline import Floats, Ints, Polyline, check_length
 
 #: How far the curves may be from the line, px: the first value with few enough anchors, else the last one.
 TOLERANCES_PX: tuple[float, ...] = (2.0, 2.25, 2.5)
-#: A curve on so many px of the line's extent is few enough.
+#: A curve on this many px of the line's extent is few enough.
 FEW_PX = 40.0
-#: Where the first tolerance gives so many times as many, only the last one is tried.
+#: Where the first tolerance gives this many times as many, only the last one is tried.
 _FAR_MORE = 1.25
 
 _REFITS = 6

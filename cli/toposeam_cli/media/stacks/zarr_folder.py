@@ -44,7 +44,7 @@ _CHANGING = {
     "transpose",
 }
 _DTYPE = re.compile(r"[<>|][biuf][1248]|bool|u?int(8|16|32|64)|float(16|32|64)")
-#: A chunk may hold so many bytes, an array so many chunks.
+#: A chunk may hold this many bytes, an array this many chunks.
 _LARGEST_CHUNK, _MOST_CHUNKS = 1 << 32, 1_000_000
 #: Beyond what a chunk's voxels take: filters may make values wider.
 _WIDER, _SLACK = 8, 1 << 16

@@ -23,7 +23,7 @@ from toposeam.layers.canvas.tile_map import BLOCK, blocks, made_map
 from toposeam.layers.labelling.problem import Pair
 from toposeam.layers.search.two_label_band import SeamHeat
 
-#: What adjoins at the cut is opened so far on either side, a share of the width, but no more than so many
+#: What adjoins at the cut is opened so far on either side, a share of the width, but no more than this many
 #: pixels of the canvas.
 _BAND, _BAND_PIXELS = 16, 2_000_000
 

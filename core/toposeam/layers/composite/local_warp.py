@@ -38,7 +38,7 @@ _POINTS = 1500
 _UNKNOWN, _PER_PX, _FARTHER, _PER_CHANGE = 3.0, 0.012, 1e3, 0.06
 #: What a seam must gain, as a share of the cost of its patches, and all together of their match cost.
 _GAIN, _WORTH = 0.1, 0.03
-#: Displacements spread on a grid of so many px, or coarser of so many nodes; smaller ones, px, are none.
+#: Displacements spread on a grid of this many px, or coarser of this many nodes; smaller ones, px, are none.
 _GRID, _NODES, _LEAST = 4, 100_000, 0.05
 
 

@@ -47,7 +47,7 @@ from toposeam.seam.problem.overlap import at_its_end, cores
 #: The share of its depth that a layer inside another one keeps if nothing else is said.
 CORE = 0.5
 
-#: Every pair that overlaps is kept: more are refused than these, and than so many a layer.
+#: Every pair that overlaps is kept: more are refused than these, and than this many a layer.
 _MOST_PAIRS, _PAIRS_PER_LAYER = 20_000, 64
 
 _T = TypeVar("_T")

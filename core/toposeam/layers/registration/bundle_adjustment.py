@@ -31,7 +31,7 @@ Family: TypeAlias = Literal["plane", "rotation"]
 
 #: Focal lengths that are tried where nobody says one, as shares of the larger side: wide, usual, long.
 _FOCALS = (0.8, 1.2, 2.5)
-#: A focal length is within so many per cent of what is said, and of what is usual, one standard deviation.
+#: A focal length is within this many per cent of what is said, and of what is usual, one standard deviation.
 _SAID, _USUAL = 0.05, 0.6
 #: Points of a pair at most.
 _POINTS = 150
@@ -44,7 +44,7 @@ _DISTORTION_GAIN, _PAIR_GAIN, _LARGEST_DISTORTION = 0.04, 0.25, 0.2
 #: Logarithm of the scale between two pictures from which on they may have focal lengths of their own, which
 #: must take away this share of what is left.
 _ZOOM, _ZOOM_GAIN = 0.15, 0.25
-#: Beyond so many px a point is as wrong as any other.
+#: Beyond this many px a point is as wrong as any other.
 _CAP = 20.0
 
 

@@ -84,7 +84,7 @@ def test_places_are_found_and_kept(crops, toposeam):
     told = json.loads(ran.out)["layers"]
     assert {layer["name"]: layer["at"] for layer in told} == expected
     assert min(layer["correlation"] for layer in told) > 0.8
-    assert toposeam("stitch", "placed.toml", "--as", "photographs", "-o", "again.png").code == 0
+    assert toposeam("stitch", "placed.toml", "-o", "again.png").code == 0
     np.testing.assert_array_equal(read_picture("again.png").pixels, read_picture("all.png").pixels)
 
 

@@ -68,7 +68,7 @@ def test_a_default_valid_for_no_command_is_refused(toposeam, jobs):
     Path(jobs).write_text(JOBS.replace('size = "64x48"', 'tileable = "bth"'))
     toposeam("batch", jobs, "--dry-run").fails("is not one of 'both'")
     Path(jobs).write_text('[defaults]\nsize = "64x48"\n[[tile]]\nimage = "a.png"\noutput = "t.png"\n')
-    toposeam("batch", jobs, "--dry-run").fails("'64x48' is not 'auto'")
+    toposeam("batch", jobs, "--dry-run").fails("'64x48' is not one of 'auto', 'keep'")
 
 
 def test_a_pattern_without_extension_matches_names_without_one(toposeam, folder, photographs):

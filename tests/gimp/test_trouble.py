@@ -53,8 +53,11 @@ def long_work(gimp, image, tmp_path):
     """A call that takes the engine many seconds, under way in a thread; `pid` of its engine, and `answer`
     when it ended.
     """
-    write_png(tmp_path / "large.png", photograph(700, 900))
-    loaded = image([tmp_path / "large.png"] * 2, offsets=[(0, 0), (300, 0)])
+    whole, names = photograph(1300, 4200), []
+    for left in range(0, 3000, 700):
+        names.append(tmp_path / f"from-{left}.png")
+        write_png(names[-1], whole[:, left : left + 1400])
+    loaded = image(names, offsets=[(0, 0)] * len(names))
 
     class Work:
         before = gimp.tree(image=loaded["image"])

@@ -22,7 +22,7 @@ from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree, sho
 
 from toposeam.layers.canvas.transforms import undistorted
 from toposeam.layers.labelling.problem import Pair
-from toposeam.layers.registration.homography import applied
+from toposeam.layers.registration.homography import applied, areas
 from toposeam.layers.registration.outlier_pairs import evidence_of
 from toposeam.layers.registration.pair_matching import Match
 
@@ -466,8 +466,7 @@ def _zooms(
         pair = (one, other) if (one, other) in matches else (other, one)
         match = matches[pair]
         points = (match.second if pair[1] == other else match.first) - (sizes[other] - 1) / 2
-        depth = points @ matrix[2, :2] + matrix[2, 2]
-        enlarged = np.log(abs(np.linalg.det(matrix))) - 3 * np.log(np.maximum(np.abs(depth), 1e-9))
+        enlarged = np.log(np.abs(areas(matrix, points)))
         zooms[other] = zooms[one] * math.exp(-float(np.mean(enlarged)) / 2)
     return zooms
 

@@ -72,7 +72,7 @@ def find_homography(
     if inliers is None:
         return None
     matrix = least_squares_homography(first[inliers], second[inliers])
-    local = _areas(matrix, second[inliers])
+    local = areas(matrix, second[inliers])
     if not (1 / _LARGEST_SCALE**2 < np.median(local) < _LARGEST_SCALE**2) or local.min() <= 0:
         return None
     inverse = np.asarray(np.linalg.inv(matrix), float)
@@ -148,7 +148,7 @@ def _normalising(points: Floats) -> Floats:
     return np.array([[scale, 0, -scale * middle[0]], [0, scale, -scale * middle[1]], [0, 0, 1]])
 
 
-def _areas(matrix: Floats, points: Floats) -> Floats:
+def areas(matrix: Floats, points: Floats) -> Floats:
     """(M,) how much a homography enlarges areas at points; negative where it mirrors."""
     w = points @ matrix[2, :2] + matrix[2, 2]
     return np.asarray(np.linalg.det(matrix) / w**3)

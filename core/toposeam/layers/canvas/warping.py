@@ -107,16 +107,13 @@ def warped(layer: Layer, transform: Transform) -> Layer:
             shown = inside(at, (width, height))
             if not shown.any():
                 continue
-            values = _spline(planes, at, shown)
-            if np.issubdtype(dtype, np.integer):
-                values = np.clip(values, 0, layer.white)
-            image[here][shown] = values > 0.5 if dtype.kind == "b" else in_dtype(values, dtype)
+            image[here][shown] = resampled(planes, layer.white, at[shown])
             rows, columns = (np.rint(at[shown][:, axis]).astype(np.intp) for axis in (1, 0))
             for name, mask in masks.items():
                 warped_masks[name][here][shown] = np.asarray(mask)[rows, columns]
             opacity[here] = shown
             if layer.alpha is not None:
-                opacity[here][shown] = _linear(np.asarray(layer.alpha), at[shown]) / full
+                opacity[here][shown] = interpolated(np.asarray(layer.alpha), at[shown]) / full
     opacity = np.clip(opacity, 0, 1)
     return dataclasses.replace(
         layer,
@@ -135,23 +132,37 @@ def inside(at: Floats, size: tuple[int, int]) -> Mask:
     return np.asarray((x > -edge) & (y > -edge) & (x < size[0] - 1 + edge) & (y < size[1] - 1 + edge))
 
 
-def _spline(planes: npt.NDArray[Any], at: Floats, shown: Mask) -> npt.NDArray[np.float32]:
-    """(M, C) values of a picture at the coordinates that are shown, by cubic splines."""
-    points = at[shown]
+def resampled(planes: npt.NDArray[Any], white: float, points: Floats) -> npt.NDArray[Any]:
+    """(M, C) values of an (H, W, C) picture at (M, 2) points x and y, by cubic splines, in its dtype.
+
+    Parameters
+    ----------
+    planes : (H, W, C) array
+    white : float
+        Where integers end.
+    points : (M, 2) float array
+        At least one.
+    """
     low = np.maximum(np.floor(points.min(axis=0)).astype(int) - _MARGIN, 0)
     high = np.ceil(points.max(axis=0)).astype(int) + _MARGIN + 1
     part = planes[low[1] : high[1], low[0] : high[0]].astype(np.float32)
     where = (points - low)[:, ::-1].T
-    return np.stack(
+    values = np.stack(
         [
             scipy.ndimage.map_coordinates(part[..., channel], where, order=3, mode="mirror")
             for channel in range(part.shape[2])
         ],
         axis=-1,
     )
+    if planes.dtype.kind == "b":
+        return np.asarray(values > 0.5)
+    if np.issubdtype(planes.dtype, np.integer):
+        values = np.clip(values, 0, white)
+    return in_dtype(values, planes.dtype)
 
 
-def _linear(plane: npt.NDArray[Any], points: Floats) -> npt.NDArray[np.float32]:
+def interpolated(plane: npt.NDArray[Any], points: Floats) -> npt.NDArray[np.float32]:
+    """(M,) values of a plane at (M, 2) points x and y, linearly; beyond an end, its values."""
     result: npt.NDArray[np.float32] = scipy.ndimage.map_coordinates(
         plane, points[:, ::-1].T, order=1, mode="nearest", output=np.float32
     )

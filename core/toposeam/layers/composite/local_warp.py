@@ -21,6 +21,7 @@ from toposeam.checks import check_whole
 from toposeam.errors import OptionError, Term
 from toposeam.images import as_float, full_scale, in_dtype
 from toposeam.layers.canvas.layer import Layer
+from toposeam.layers.canvas.warping import inside, interpolated, resampled
 from toposeam.layers.composite.composition import Composition
 from toposeam.layers.labelling.problem import Pair
 
@@ -245,31 +246,22 @@ def _bent(layer: Layer, pinned: Sequence[tuple[Floats, Floats]], reach: float) -
     low = np.maximum(np.floor(own[moved].min(axis=0) - far), 0).astype(int)
     high = np.minimum(np.ceil(own[moved].max(axis=0) + far), (width, height)).astype(int)
     field = _spread(own - low, moves, (high - low)[::-1], reach)
-    y, x = np.mgrid[low[1] : high[1], low[0] : high[0]].astype(np.float32)
-    x, y = x + field[..., 0], y + field[..., 1]
-    part = slice(low[1], high[1]), slice(low[0], high[0])
-    bends = np.abs(field).max(axis=2) >= _LEAST
+    part, bends = (slice(low[1], high[1]), slice(low[0], high[0])), np.abs(field).max(axis=2) >= _LEAST
+    if not bends.any():
+        return layer
+    at = (np.stack(np.nonzero(bends)[::-1], axis=-1) + low + field[bends]).astype(float)
     whole = np.asarray(layer.image)
-    planes = whole.reshape(height, width, -1)
-    image, known = planes.copy(), np.ones((height, width), np.float32)
+    image, known = whole.copy(), np.ones((height, width), np.float32)
+    values = resampled(whole.reshape(height, width, -1), layer.white, at)
+    image[part][bends] = values if whole.ndim == 3 else values[:, 0]
     if layer.alpha is not None:
         known *= np.asarray(layer.alpha) / np.float32(full_scale(layer.alpha.dtype))
-    where = np.stack([y[bends], x[bends]])
-    for channel in range(planes.shape[2]):
-        values = scipy.ndimage.map_coordinates(
-            planes[..., channel].astype(np.float32), where, order=3, mode="nearest"
-        )
-        if np.issubdtype(whole.dtype, np.integer):
-            values = np.clip(values, 0, layer.white)
-        image[part][..., channel][bends] = in_dtype(values, whole.dtype)
     opacity = known.copy()
-    opacity[part][bends] = scipy.ndimage.map_coordinates(known, where, order=1, mode="constant")
     # What lies beside nothing is left out: what shows half would be taken for the end of a picture.
-    shown = scipy.ndimage.map_coordinates((known > 0).astype(np.float32), where, order=1, mode="constant")
-    opacity[part][bends] *= shown > 1 - _LEAST / 2
-    opacity[part][(x < -0.01) | (y < -0.01) | (x > width - 0.99) | (y > height - 0.99)] = 0
+    shown = inside(at, (width, height)) & (interpolated((known > 0).astype(np.float32), at) > 1 - _LEAST / 2)
+    opacity[part][bends] = np.where(shown, interpolated(known, at), 0)
     alpha = in_dtype(opacity * np.float32(full_scale(whole.dtype)), whole.dtype)
-    return dataclasses.replace(layer, image=image.reshape(whole.shape), alpha=alpha)
+    return dataclasses.replace(layer, image=image, alpha=alpha)
 
 
 def _spread(
@@ -279,10 +271,10 @@ def _spread(
     grid = max(_GRID, int(np.sqrt(shape.prod() / _NODES)))
     rows, columns = (int(size) // grid + 2 for size in shape)
     near = np.rint(points / grid).astype(int)
-    inside = (near >= 0).all(axis=1) & (near[:, 0] < columns) & (near[:, 1] < rows)
-    cell = near[inside, 1] * columns + near[inside, 0]
+    held = (near >= 0).all(axis=1) & (near[:, 0] < columns) & (near[:, 1] < rows)
+    cell = near[held, 1] * columns + near[held, 0]
     count = np.bincount(cell, minlength=rows * columns)
-    sums = [np.bincount(cell, own, rows * columns) for own in moves[inside].T]
+    sums = [np.bincount(cell, own, rows * columns) for own in moves[held].T]
     values, known = np.stack(sums, axis=1) / np.maximum(count, 1)[:, np.newaxis], count > 0
     down, across = (_second_differences(size) for size in (rows, columns))
     one = scipy.sparse.eye_array

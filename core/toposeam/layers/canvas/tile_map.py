@@ -382,6 +382,14 @@ def any_of(mask: Mask) -> bool:
     return any(uniform(mask, block) is not False and bool(mask[block.slices].any()) for block in blocks(box))
 
 
+def occupied_columns(values: Any) -> npt.NDArray[np.bool_]:
+    """(w,) bool: the columns in which an (h, w) mask is True, or an opacity above 0."""
+    used = np.zeros(values.shape[1], bool)
+    for box in blocks(Box(0, 0, *values.shape)):
+        used[box.left : box.right] |= (values[box.slices] > 0).any(axis=0)
+    return used
+
+
 def ground(places: Sequence[Box], covers: Sequence[Mask], box: Box) -> Mask:
     """(h, w) bool: where any layer has pixels in a box of the canvas; not to be written to."""
     near = [k for k, place in enumerate(places) if all(place.shared(box).shape)]

@@ -19,7 +19,7 @@ from toposeam.errors import OptionError
 from toposeam.images import Mask, Windows, full_scale
 from toposeam.layers.canvas.layer import Box, Extent, Layer
 from toposeam.layers.canvas.painting import LabelMap
-from toposeam.layers.canvas.tile_map import BLOCK, blocks, made_map
+from toposeam.layers.canvas.tile_map import BLOCK, made_map, occupied_columns
 from toposeam.layers.labelling.problem import Pair
 from toposeam.layers.search.two_label_band import SeamHeat
 
@@ -102,13 +102,8 @@ def turned(layer: Layer, period: int, start: int) -> Layer:
 
 def _columns(layer: Layer, period: int) -> npt.NDArray[np.bool_]:
     """(period,) bool: columns of the round canvas in which a layer has pixels."""
-    height, width = layer.image.shape[:2]
-    found = np.zeros(width, bool)
-    if layer.alpha is None:
-        found[:] = True
-    else:
-        for box in blocks(Box(0, 0, height, width)):
-            found[box.left : box.right] |= (layer.alpha[box.slices] > 0).any(axis=0)
+    width = layer.image.shape[1]
+    found = np.ones(width, bool) if layer.alpha is None else occupied_columns(layer.alpha)
     result = np.zeros(period, bool)
     result[(np.flatnonzero(found) + layer.at[0]) % period] = True
     return result

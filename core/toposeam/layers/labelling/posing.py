@@ -37,6 +37,7 @@ from toposeam.layers.canvas.tile_map import (
     ground,
     made_map,
     new_map,
+    occupied_columns,
     uniform,
 )
 from toposeam.layers.labelling.pair_cost import FORBIDDEN, LayerPairCost, Pictures, both_have
@@ -268,15 +269,12 @@ def _cores_of(
             return None
     cover = dense(covered[index])
     piece, count = (cover.astype(np.int32), 1) if whole else pieces_of(cover)
-    size, inside = np.bincount(piece.ravel(), minlength=count + 1), np.zeros(count + 1, bool)
+    size = np.bincount(piece.ravel(), minlength=count + 1)
     if core is None:
-        for other, theirs in zip(_but(index, places), _but(index, covered), strict=True):
-            common = place.shared(other)
-            held = piece[common.within(place)][cut(theirs, other, common)] if all(common.shape) else piece[:0]
-            inside |= np.bincount(held.ravel(), minlength=count + 1) == size
+        inside = _inside_another(index, places, covered, place, piece, size)
     else:
-        inside |= np.bincount(piece[_depth(places, covered, place) > 1], minlength=count + 1) == size
-    inside[0] = False
+        inside = np.bincount(piece[_depth(places, covered, place) > 1], minlength=count + 1) == size
+        inside[0] = False
     if not inside.any():
         return None
     share, own = CORE if core is None else core, int(size[1:].sum())
@@ -293,10 +291,7 @@ def _cores_of(
 
 def _occupied(cover: Mask) -> list[range]:
     """The runs of columns in which a mask has pixels."""
-    used = np.zeros(cover.shape[1] + 2, bool)
-    for box in blocks(Box(0, 0, *cover.shape)):
-        used[1 + box.left : 1 + box.right] |= cover[box.slices].any(axis=0)
-    edges = np.flatnonzero(np.diff(used)).tolist()
+    edges = np.flatnonzero(np.diff(np.pad(occupied_columns(cover), 1))).tolist()
     return [range(start, stop) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
 
 
@@ -309,13 +304,28 @@ def _lies_in_another(
         piece, count = pieces_of(dense(covered[index][:, run.start : run.stop]))
         size = np.bincount(piece.ravel(), minlength=count + 1)
         box = Box(place.top, place.left + run.start, place.bottom, place.left + run.stop)
-        for other, theirs in zip(_but(index, places), _but(index, covered), strict=True):
-            common = box.shared(other)
-            if all(common.shape):
-                held = piece[common.within(box)][cut(theirs, other, common)]
-                if (np.bincount(held, minlength=count + 1) == size)[1:].any():
-                    return True
+        if _inside_another(index, places, covered, box, piece, size).any():
+            return True
     return False
+
+
+def _inside_another(
+    index: int,
+    places: Sequence[Box],
+    covered: Sequence[Mask],
+    box: Box,
+    piece: npt.NDArray[np.int32],
+    size: npt.NDArray[np.intp],
+) -> npt.NDArray[np.bool_]:
+    """(n + 1,) bool: which pieces of a layer in a box, of these sizes, lie inside one other layer."""
+    inside = np.zeros(len(size), bool)
+    for other, theirs in zip(_but(index, places), _but(index, covered), strict=True):
+        common = box.shared(other)
+        if all(common.shape):
+            held = piece[common.within(box)][cut(theirs, other, common)]
+            inside |= np.bincount(held, minlength=len(size)) == size
+    inside[0] = False
+    return inside
 
 
 def _but(index: int, values: Sequence[_T]) -> Sequence[_T]:

@@ -106,10 +106,10 @@ def make_views(
         name, focal, transforms = _before_a_plane(rng, kind, size, most)
     else:
         name, focal, transforms = _from_a_point(rng, kind, size, most, lens)
-    seen = _scene(rng, transforms, size, photographs, around=kind == "turn")
+    seen = scene_for(rng, transforms, size, photographs, around=kind == "turn")
     images, places = [], []
     for number in rng.permutation(len(transforms)):
-        images.append(_view(rng, seen, transforms[number], size))
+        images.append(render_view(rng, seen, transforms[number], size))
         places.append(transforms[number])
     model = {"wall": "plane", "scan": "similarity"}.get(kind, "rotation")
     return Views(name, model, images, places, focal if model == "rotation" else None)
@@ -163,7 +163,7 @@ def _from_a_point(
             transforms.append(
                 CameraTransform(
                     size=size,
-                    rotation=_rotation(yaw + off[0], pitch + off[1], off[2]),
+                    rotation=rotation_of(yaw + off[0], pitch + off[1], off[2]),
                     focal=focal,
                     projection="sphere",
                     radius=radius,
@@ -190,7 +190,7 @@ def _before_a_plane(
         leaning = math.radians(tilt) * math.sqrt(rng.uniform())
         towards = rng.uniform(0, 2 * math.pi)
         roll = math.radians(rng.uniform(-1, 1) * (ROLL if tilt else SCAN_ROLL))
-        rotation = _rotation(leaning * math.cos(towards), leaning * math.sin(towards), roll)
+        rotation = rotation_of(leaning * math.cos(towards), leaning * math.sin(towards), roll)
         distance = focal * DENSITY * (1 + rng.uniform(-nearer, nearer))
         to_rays = np.array([[1, 0, -(size[0] - 1) / 2], [0, 1, -(size[1] - 1) / 2], [0, 0, focal]])
         forward = rotation[:, 2]
@@ -201,7 +201,7 @@ def _before_a_plane(
     return f"{kind} {millimetres:.0f} mm" if tilt else kind, focal, transforms
 
 
-def _rotation(yaw: float, pitch: float, roll: float) -> Floats:
+def rotation_of(yaw: float, pitch: float, roll: float) -> Floats:
     """(3, 3), to the right, down and clockwise, in radians."""
     (cy, cp, cr), (sy, sp, sr) = np.cos([yaw, pitch, roll]), np.sin([yaw, pitch, roll])
     across = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
@@ -209,14 +209,14 @@ def _rotation(yaw: float, pitch: float, roll: float) -> Floats:
     return across @ down @ np.array([[cr, -sr, 0], [sr, cr, 0], [0, 0, 1]])
 
 
-def _view(rng: np.random.Generator, seen: Scene, transform: Transform, size: tuple[int, int]) -> Pixels:
+def render_view(rng: np.random.Generator, seen: Scene, transform: Transform, size: tuple[int, int]) -> Pixels:
     """(H, W, 3) uint8, exposed somehow and noisy."""
     points = np.stack(np.meshgrid(np.arange(size[0]), np.arange(size[1])), axis=-1).astype(np.float64)
     view = seen.sample(transform.to_canvas(points)) * (1 + rng.uniform(-EXPOSURE, EXPOSURE))
     return np.clip(np.rint(view + rng.normal(0, NOISE, view.shape)), 0, 255).astype(np.uint8)
 
 
-def _scene(
+def scene_for(
     rng: np.random.Generator,
     transforms: Sequence[Transform],
     size: tuple[int, int],

@@ -3,91 +3,52 @@
     python benchmarks/whole_turn.py                     24 frames of 24 megapixels; needs 15 GB of disk
     python benchmarks/whole_turn.py --width 1000        the same of 1.5 megapixels each
 
-The frames are rendered: views of one sphere on which the photographs that come with scikit-image lie, at
-steps of 15°, 23° wide, held off by half a degree, exposed up to 15 % differently and noisy. ``toposeam
-stitch`` gets nothing but their names. The mosaic has strips of what that made, which lie in a row at known
-places, and is finished alike: shading, multiband, cropped.
+The frames are rendered (``rendered_views.py``): views of one sphere at steps of 15°, 23° wide, held off by
+half a degree, exposed up to 20 % differently and noisy. ``toposeam stitch`` gets nothing but their names. The
+mosaic has strips of what that made, which lie in a row at known places, and is finished alike: shading,
+multiband, cropped.
 """
 
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 import tempfile
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
-from scipy import ndimage
-from skimage import data
 
 from measured import Measured, measured
+from rendered_views import PHOTOGRAPHS, render_view, rotation_of, scene_for
 from stamp import stamp
+from toposeam.layers.canvas.transforms import CameraTransform
 
-FRAMES, STEP, ACROSS = 24, 15.0, 23.0
-PHOTOGRAPHS = (
-    "astronaut",
-    "coffee",
-    "chelsea",
-    "rocket",
-    "retina",
-    "hubble_deep_field",
-    "immunohistochemistry",
-)
-#: px of what is seen for each px of a view.
-DENSITY = 0.5
-
-
-def scene(rng: np.random.Generator, width: int, height: int) -> np.ndarray:
-    """(height, width, 3) uint8: photographs beside each other, and small ones upon them."""
-    photographs = [Image.fromarray(getattr(data, name)()[..., :3]) for name in PHOTOGRAPHS]
-    seen = np.zeros((height, width, 3), np.uint8)
-    large, small = height // 4, (height // 60, height // 9)
-    places = [(y, x, large) for y in range(0, height, large) for x in range(0, width, large)]
-    places += [
-        (int(rng.integers(height)), int(rng.integers(width)), int(rng.integers(*small))) for _ in range(4000)
-    ]
-    for y, x, side in places:
-        picture = photographs[rng.integers(len(photographs))]
-        part = np.asarray(picture.resize((side, side)))
-        room = seen[y : y + side, x : x + side]
-        room[:] = part[: room.shape[0], : room.shape[1]]
-    return seen
+#: Degrees: between frames, across one, and by which a hand is off, one standard deviation.
+FRAMES, STEP, ACROSS, HELD = 24, 15.0, 23.0, 0.5
+#: px of what is seen for each px of a view, and across a view, at most: the scene has to fit into memory.
+DENSITY, LARGE = 1.5, 2000
 
 
 def render(folder: Path, width: int) -> list[Path]:
     """Views of a scene, as JPEG files."""
-    rng = np.random.default_rng(0)
-    height = width * 3 // 2
-    focal = width / 2 / np.tan(np.radians(ACROSS / 2))
-    radius = DENSITY * focal
-    around, down = int(2 * np.pi * radius), int(1.2 * DENSITY * height)
-    seen = scene(rng, around, down)
-    x, y = np.meshgrid(
-        (np.arange(width) - (width - 1) / 2) / focal, (np.arange(height) - (height - 1) / 2) / focal
-    )
-    rays = np.stack([x, y, np.ones_like(x)], axis=-1)
-    paths = []
-    for frame in range(FRAMES):
-        yaw, pitch, roll = np.radians(np.array([STEP * frame, 0, 0]) + rng.normal(0, 0.5, 3))
-        turn = np.eye(3)
-        for axis, angle in ((1, yaw), (0, pitch), (2, roll)):
-            own = np.eye(3)
-            one, other = [number for number in range(3) if number != axis]
-            own[one, one] = own[other, other] = np.cos(angle)
-            own[one, other] = np.sin(angle) * (1 if axis == 1 else -1)
-            own[other, one] = -own[one, other]
-            turn = turn @ own
-        there = rays @ turn.T
-        columns = np.arctan2(there[..., 0], there[..., 2]) % (2 * np.pi) * radius
-        rows = there[..., 1] / np.hypot(there[..., 0], there[..., 2]) * radius + down / 2
-        view = [
-            ndimage.map_coordinates(seen[..., channel], [rows, columns], np.float32, order=1, mode="mirror")
-            for channel in range(3)
-        ]
-        noisy = np.stack(view, axis=-1) * rng.uniform(0.85, 1.15) + rng.normal(0, 2, (height, width, 1))
-        paths.append(folder / f"view-{frame:02d}.jpg")
-        Image.fromarray(noisy.clip(0, 255).astype(np.uint8)).save(paths[-1], quality=92)
+    rng, size = np.random.default_rng(0), (width, width * 3 // 2)
+    focal, density = width / 2 / math.tan(math.radians(ACROSS / 2)), min(DENSITY, LARGE / width)
+    cameras = [
+        CameraTransform(
+            size=size,
+            rotation=rotation_of(*np.radians(np.array([STEP * frame, 0, 0]) + rng.normal(0, HELD, 3))),
+            focal=focal,
+            projection="sphere",
+            radius=round(2 * math.pi * density * focal) / (2 * math.pi),
+        )
+        for frame in range(FRAMES)
+    ]
+    seen = scene_for(rng, cameras, size, PHOTOGRAPHS, around=True)
+    paths = [folder / f"view-{frame:02d}.jpg" for frame in range(FRAMES)]
+    for path, camera in zip(paths, cameras, strict=True):
+        Image.fromarray(render_view(rng, seen, camera, size)).save(path, quality=92)
     return paths
 
 

@@ -370,11 +370,11 @@ def _stitch(
             correlations=correlations(job),
         )
         documents.append((out.report, seam_page(page).encode(errors="backslashreplace")))
-    report = ""
+    report: str | dict[str, Any] = ""
     if out.as_json:
         found = summary_of_all(stitched, job.layers, aligned, job.placement)
         bent = {"bent_px": composed.bent} if find.give else {}
-        report = json.dumps(found | bent | found_of(job), indent=2)
+        report = found | bent | found_of(job)
     elif is_read(out.quiet):
         two = len(job.layers) == 2
         told = describe(stitched.seams[0], at) if two else describe_totals(composed, at=at)
@@ -389,13 +389,14 @@ def _stitch(
     return job, _reported(report, warnings, out)
 
 
-def _reported(report: str, warnings: Sequence[str], out: Outputs) -> dict[str, Any]:
-    """Print a report, unless it is JSON, and warnings; return the report."""
-    if not (out.as_json or out.quiet):
+def _reported(report: str | dict[str, Any], warnings: Sequence[str], out: Outputs) -> dict[str, Any]:
+    """Print a report, unless it becomes JSON, and warnings; return the report."""
+    found = report if isinstance(report, dict) else {"report": report}
+    if found is not report and not out.quiet:
         click.echo(report)
     for warning in warnings:
         click.echo(f"warning: {warning}", err=True)
-    return dict(json.loads(report)) if out.as_json else {"report": report}
+    return found
 
 
 def _unseen(composed: ts.Composition, find: SeamOptions, out: Outputs) -> list[str]:
@@ -439,9 +440,9 @@ def _stitch_large(
                 correlations=correlations(job, means.workers),
             )
             documents.append((out.report, seam_page(page).encode(errors="backslashreplace")))
-        report = ""
+        report: str | dict[str, Any] = ""
         if out.as_json:
-            report = json.dumps(summary_of_large(composed, large) | found_of(job), indent=2)
+            report = summary_of_large(composed, large) | found_of(job)
         elif is_read(out.quiet):
             told = describe_totals(composed, means.workers, large.at)
             report = told_of(

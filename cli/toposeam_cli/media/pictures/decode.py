@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from toposeam.errors import ImageError
+from toposeam_cli.files.regular import check_pattern
 from toposeam_cli.media.pictures.colour import DEPTHS, INTENT
 from toposeam_cli.media.pictures.libvips import VipsImage, evaluate, load_vips, reason
 
@@ -219,6 +220,7 @@ def check_input(path: Path) -> None:
     except ImageError:
         raise
     except (FileNotFoundError, NotADirectoryError) as error:
+        check_pattern(path)
         raise ImageError(f"there is no file '{path}'; check its name and folder") from error
     except (OSError, ValueError) as error:
         raise ImageError(

@@ -20,7 +20,7 @@ from toposeam.images import Image
 from toposeam.motif.ink.mixing import mix
 from toposeam_engine import animations, motifs, seams, textures
 from toposeam_engine.job import EngineJob
-from toposeam_engine.layers import layers_of, with_alpha
+from toposeam_engine.layers import colours_of, layers_of, with_alpha
 from toposeam_engine.places import framed
 
 #: Options that are lengths, and the least that still means something.
@@ -92,8 +92,10 @@ def _make_tileable(job: EngineJob) -> Image:
 
 
 def _fill(job: EngineJob) -> Image:
-    image, alpha, _sample = textures.filled(job)
-    return with_alpha(image, alpha)
+    image, alpha, _sample, part = textures.filled(job)
+    shown = with_alpha(*colours_of(job, job.request["layer"]))
+    shown[part] = with_alpha(image, alpha)
+    return shown
 
 
 def _motif(job: EngineJob) -> Image:

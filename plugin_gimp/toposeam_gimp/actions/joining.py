@@ -54,7 +54,7 @@ def put_blended(
     )
     image.insert_layer(layer, parent, position)
     layer.set_offsets(*answer["blended"]["at"])
-    pixels.receive_colors(folder, image, layer, answer["blended"])
+    pixels.receive_colors(folder, layer, answer["blended"])
     return layer
 
 

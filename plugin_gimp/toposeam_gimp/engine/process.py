@@ -25,7 +25,7 @@ from toposeam_gimp.engine.folder import RequestFolder
 from toposeam_gimp.sentences import in_gimps_words
 from toposeam_gimp.texts import _
 
-PROTOCOL = 3
+PROTOCOL = 4
 #: The engine speaks every two seconds; this long a silence means that it hangs.
 SILENCE_S = 300.0
 

@@ -110,7 +110,8 @@ def masks_of(
 def labels_raster(job: EngineJob, labels: Any, canvas: Extent) -> dict[str, Any]:
     """Return which layer shows at each pixel, counted from 1, and where the canvas lies."""
     dtype = np.uint8 if labels.max(initial=0) < 255 else np.uint16
-    return {**job.write((labels + 1).astype(dtype)), "at": list(canvas.origin)}
+    counted = np.add(labels, 1, dtype=dtype, casting="unsafe")
+    return {**job.write(counted), "at": list(canvas.origin)}
 
 
 def blending(options: Mapping[str, Any]) -> dict[str, Any]:

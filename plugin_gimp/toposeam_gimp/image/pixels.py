@@ -16,6 +16,8 @@ from toposeam_gimp.image.seen import as_seen
 _ROWS = 256
 #: Side of what is looked at in small, px.
 _LOOK = 512
+#: Side of the tiles in which strokes are sought, px.
+_TILE = 256
 _BYTES = {"uint8": 1, "uint16": 2, "float32": 4}
 
 
@@ -141,10 +143,10 @@ def common(first: Box, second: Box | None) -> Box | None:
     return (left, top, right - left, bottom - top) if right > left and bottom > top else None
 
 
-def send_mask(folder: RequestFolder, layer: Gimp.Layer, name: str) -> dict[str, Any]:
-    """Write where a layer shows; without a mask that is everywhere."""
-    mask = layer.get_mask() or layer.create_mask(Gimp.AddMaskType.WHITE)
-    return _send(
+def send_mask(folder: RequestFolder, layer: Gimp.Layer, name: str) -> dict[str, Any] | None:
+    """Write where a layer shows; None without a mask."""
+    mask = layer.get_mask()
+    return mask and _send(
         folder,
         mask,
         f"{name}.raw",
@@ -180,11 +182,35 @@ def shows(layer: Gimp.Layer, box: Box | None = None) -> bool:
     return any(content[1::2])
 
 
-def send_strokes(folder: RequestFolder, layer: Gimp.Layer, name: str) -> dict[str, Any]:
-    """Write colours and opacity of a layer with strokes, 8 bits, with its place."""
-    box = (0, 0, layer.get_width(), layer.get_height())
+def send_strokes(folder: RequestFolder, layer: Gimp.Layer, name: str) -> dict[str, Any] | None:
+    """Write colours and opacity of a layer with strokes, 8 bits, with the place of what there is; None if
+    that is nothing.
+    """
+    box = _painted(layer)
+    if box is None:
+        return None
     raster = _send(folder, layer, f"{name}.raw", Format.RGBA_U8.value, "uint8", 4, box)
-    return {**raster, "at": list(place_of(layer))}
+    left, top = place_of(layer)
+    return {**raster, "at": [left + box[0], top + box[1]]}
+
+
+def _painted(layer: Gimp.Layer) -> Box | None:
+    """Return a box of the layer's own pixels that holds all that is not transparent black; None without
+    any.
+    """
+    buffer, whole = layer.get_buffer(), (0, 0, layer.get_width(), layer.get_height())
+    tiles = []
+    for top in range(0, whole[3], _TILE):
+        for left in range(0, whole[2], _TILE):
+            tile = common((left, top, _TILE, _TILE), whole) or whole
+            content = buffer.get(Gegl.Rectangle.new(*tile), 1.0, Format.RGBA_U8.value, Gegl.AbyssPolicy.NONE)
+            if content.count(0) < len(content):
+                tiles.append(tile)
+    if not tiles:
+        return None
+    left, top = (min(tile[axis] for tile in tiles) for axis in (0, 1))
+    right, bottom = (max(tile[axis] + tile[axis + 2] for tile in tiles) for axis in (0, 1))
+    return left, top, right - left, bottom - top
 
 
 def receive_strokes(folder: RequestFolder, layer: Gimp.Layer, raster: dict[str, Any]) -> None:

@@ -66,19 +66,20 @@ def made_tileable(job: EngineJob) -> ts.Synthesis:
 
 
 class Filled(NamedTuple):
-    """The part of a layer that a hole was filled from, after that and before, and where it lies in the
-    layer.
+    """The part of a layer that a hole was filled from, after that and before; where it lies in the layer, and
+    what of it may be copied, None where that is all, or another layer.
     """
 
     image: Image
     alpha: npt.NDArray[Any] | None
     sample: Sample
     box: Part
+    source: Mask | None
 
 
 def fill(job: EngineJob) -> dict[str, Any]:
     """Fill the selected part of a layer; the result is transparent where the layer stays unchanged."""
-    image, alpha, sample, part = filled(job)
+    image, alpha, sample, part, _source = filled(job)
     changed = (image != sample.image) if image.ndim == 2 else (image != sample.image).any(axis=2)
     changed |= np.asarray(sample.selected)
     if alpha is not None:
@@ -107,13 +108,13 @@ def filled(job: EngineJob) -> Filled:
     elif where == "other" and job.request["source"].get("is_mask"):
         source = _white_of(job, hole.shape)
     part = whole = slice(0, hole.shape[0]), slice(0, hole.shape[1])
-    if hole.size > _LARGE:
+    if job.request["layer"].get("cut_from", hole.size) > _LARGE:
         part = _surroundings(hole) if source is None else box_of(source | hole, _AROUND_PX)
     sample = _sample(job, part)
     if source is None and where == "layer" and part != whole and _scarce(sample):
         part, sample = whole, _sample(job, whole)
     image, alpha, hole = sample.image, sample.alpha, hole[part]
-    source = None if source is None else source[part]
+    copied = source = None if source is None else source[part]
     own = np.s_[: hole.shape[0], : hole.shape[1]]
     if where == "other" and source is None:
         image, alpha, hole, source = _beside(sample, *colours_of(job, job.request["source"]))
@@ -127,7 +128,7 @@ def filled(job: EngineJob) -> Filled:
         **options,
     )
     shown = None if made.alpha is None or sample.alpha is None else made.alpha[own]
-    return Filled(made.image[own], shown, sample, part)
+    return Filled(made.image[own], shown, sample, part, copied)
 
 
 def _surroundings(hole: Mask) -> Part:

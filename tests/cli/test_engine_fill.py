@@ -82,3 +82,39 @@ def test_gray_layers_without_opacity_can_be_stitched(request_folder, rng):
         answers.append([raster and request_folder.pixels(raster) for raster in answer["masks"]])
     assert answers[0][0] is None
     np.testing.assert_array_equal(answers[0][1], answers[1][1])
+
+
+def test_a_preview_at_full_size_is_the_result(request_folder, rng):
+    pixels = _layer(rng)
+    made, (top, left) = _filled(request_folder, pixels)
+    hole = np.zeros(pixels.shape[:2], np.uint8)
+    hole[HOLE] = 255
+    part = np.s_[640 - 530 : 700 + 530, 650 - 540 : 720 + 540]
+    scene = {
+        "operation": "preview",
+        "of": "fill",
+        "scale": 1.0,
+        "layer": {**request_folder.raster("part", pixels[part], (110, 110)), "cut_from": hole.size},
+        "selection": request_folder.raster("part-hole", hole[part], (110, 110)),
+        "source": None,
+        "shown": [left - 110, top - 110, made.shape[1], made.shape[0]],
+        "options": OPTIONS,
+    }
+    drawn = request_folder.pixels(result_of(request_folder.ask(**scene))["picture"])
+    inside = made[..., 3] > 0
+    np.testing.assert_array_equal(drawn[inside], made[inside])
+    before = request_folder.pixels(result_of(request_folder.ask(**scene, before=True))["picture"])
+    height, width = made.shape[:2]
+    np.testing.assert_array_equal(before[..., :3], pixels[top : top + height, left : left + width])
+
+
+def test_a_preview_darkens_what_is_not_copied(request_folder, rng):
+    pixels = rng.integers(100, 200, (300, 320, 3), np.uint8)
+    hole = np.zeros(pixels.shape[:2], np.uint8)
+    hole[200:230, 200:230] = 255
+    layer, selection = request_folder.raster("layer", pixels), request_folder.raster("hole", hole)
+    scene = {"operation": "preview", "of": "fill", "scale": 1.0, "layer": layer, "selection": selection}
+    answer = request_folder.ask(**scene, source=None, options={**OPTIONS, "from": "around"})
+    drawn = request_folder.pixels(result_of(answer)["picture"])[..., :3]
+    np.testing.assert_array_equal(drawn[:100], pixels[:100] // 2)
+    np.testing.assert_array_equal(drawn[160:180, 160:180], pixels[160:180, 160:180])

@@ -79,7 +79,10 @@ def _contrast(features: Floats32, known: Floats32) -> Floats32:
     steps = np.zeros(known.shape, np.float32)
     for axis in (0, 1):
         both = np.minimum(known, np.roll(known, -1, axis))
-        step = np.abs(np.roll(features, -1, axis) - features).sum(axis=2) * both
+        step = np.zeros_like(steps)
+        for plane in np.moveaxis(features, 2, 0):
+            step += np.abs(np.roll(plane, -1, axis) - plane)
+        step *= both
         step[(slice(-1, None), slice(None)) if axis == 0 else (slice(None), slice(-1, None))] = 0
         steps += step
     return 2 * steps
@@ -117,9 +120,10 @@ def _weighted_square(values: Floats32, mass: Floats32) -> float:
 
 def _strange(like: Floats32, ring: Mask) -> Floats32:
     """Compute how rarely something like each pixel occurs in a ring: (H, W), from 0 to `_STRANGE`."""
-    bins = np.zeros(ring.shape, np.intp)
+    bins = np.zeros(ring.shape, np.int32)
     for plane in np.moveaxis(like, 2, 0):
-        bins = bins * _BINS + np.clip((plane * _BINS).astype(np.intp), 0, _BINS - 1)
+        bins *= _BINS
+        bins += np.clip(plane * _BINS, 0, _BINS - 1).astype(np.int32)
     shape = (_BINS,) * like.shape[2]
     count = np.bincount(bins[ring], minlength=_BINS ** len(shape)).astype(np.float32).reshape(shape)
     for axis in range(count.ndim):

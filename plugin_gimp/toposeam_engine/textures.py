@@ -37,7 +37,7 @@ def synthesize(job: EngineJob) -> dict[str, Any]:
     return {"picture": job.write(with_alpha(made.image, made.alpha))}
 
 
-def synthesized(job: EngineJob) -> ts.Synthesis:
+def synthesized(job: EngineJob) -> ts.texture.Synthesis:
     """Return the texture itself."""
     sample, options = _sample(job), _usual(job.options, "patch", "overlap")
     return ts.synthesize(
@@ -57,7 +57,7 @@ def make_tileable(job: EngineJob) -> dict[str, Any]:
     return {"picture": job.write(with_alpha(made.image, made.alpha))}
 
 
-def made_tileable(job: EngineJob) -> ts.Synthesis:
+def made_tileable(job: EngineJob) -> ts.texture.Synthesis:
     """Return the tile itself."""
     sample, options = _sample(job), _usual(job.options, "band")
     return ts.make_tileable(

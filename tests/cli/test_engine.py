@@ -31,7 +31,7 @@ def test_stitch_is_what_core_finds(request_folder, pair, ask):
     np.testing.assert_array_equal(request_folder.seen(result["masks"], PLACES, (35, 60)), expected.label_map)
     (line,) = result["seams"][0]["lines"]
     path = expected.seams[0].paths[0]
-    assert ts.Polyline(points_of(line), line["closed"]).length == path.length
+    assert ts.vector.Polyline(points_of(line), line["closed"]).length == path.length
     np.testing.assert_array_equal(points_of(line)[[0, -1]], path.points[[0, -1]])
     assert len(line["pieces"]) == len(line["curves"])
 
@@ -93,7 +93,7 @@ def test_the_found_lines_applied_again_give_the_same_masks(request_folder, pair)
     np.testing.assert_array_equal(request_folder.seen(second["masks"], PLACES, (35, 60)), found)
 
 
-@pytest.mark.parametrize("blend", ts.BLENDS)
+@pytest.mark.parametrize("blend", ts.layers.BLENDS)
 def test_masks_and_blended_pixels_compose_core_s_result(request_folder, pair, blend):
     pair[1] = np.maximum(pair[1], 60)
     layers = [request_folder.raster("a", pair[0]), request_folder.raster("b", pair[1], (20, 5))]

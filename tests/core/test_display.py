@@ -16,25 +16,25 @@ NAMESPACE = "{http://www.w3.org/2000/svg}"
 @pytest.fixture(scope="module")
 def results():
     seam = ts.find_seam(PICTURE[:, 30:40], PICTURE[:, 31:41])
-    recipe = ts.random_recipe(16, seed=1, **SMALL)
+    recipe = ts.motif.random_recipe(16, seed=1, **SMALL)
     motif = ts.generate_motif(recipe)
     line = seam.paths[0]
     return {
         "seam": seam,
         "stitched": ts.stitch(LAYERS),
-        "composition": ts.compose(LAYERS),
-        "aligned": ts.align(LAYERS, radius=4),
+        "composition": ts.layers.compose(LAYERS),
+        "aligned": ts.layers.align(LAYERS, radius=4),
         "synthesis": ts.synthesize(PICTURE, (50, 60), patch=16, seed=1),
-        "palette": ts.palette("indigo", 3),
+        "palette": ts.motif.palette("indigo", 3),
         "recipe": recipe,
         "motif": motif,
-        "arrangement": ts.arrange([motif, motif], [[0, 1]]),
-        "joined": ts.join_motifs([recipe, ts.random_recipe(16, seed=2, **SMALL)]),
+        "arrangement": ts.motif.arrange([motif, motif], [[0, 1]]),
+        "joined": ts.motif.join_motifs([recipe, ts.motif.random_recipe(16, seed=2, **SMALL)]),
         "path": ts.plan_path((12, 12), (2, 2), (9, 9)),
         "line": line,
-        "closed line": ts.Polyline([[0, 0], [30, 0], [0, 40]], closed=True),
-        "curve": ts.smooth_path(ts.Polyline([[0, 0], [0, 90], [60, 90]])),
-        "drawing": ts.read_svg(seam.to_svg()),
+        "closed line": ts.vector.Polyline([[0, 0], [30, 0], [0, 40]], closed=True),
+        "curve": ts.vector.smooth_path(ts.vector.Polyline([[0, 0], [0, 90], [60, 90]])),
+        "drawing": ts.vector.read_svg(seam.to_svg()),
     }
 
 
@@ -65,7 +65,7 @@ def test_a_line_in_a_notebook_is_drawn_where_it_runs(results):
     assert root.find(f"{NAMESPACE}path").get("d") == "M 0,0 30,0 0,40 Z"
     left, top, width, height = map(float, root.get("viewBox").split())
     assert (left, top, left + width, top + height) == pytest.approx((-0.8, -0.8, 30.8, 40.8))
-    point = ElementTree.fromstring(ts.Polyline([[4, 5], [4.25, 5]])._repr_svg_()).get("viewBox")
+    point = ElementTree.fromstring(ts.vector.Polyline([[4, 5], [4.25, 5]])._repr_svg_()).get("viewBox")
     assert point == "3.98 4.98 0.29 0.04"  # what is smaller than a pixel has a pixel's margin
     d = ElementTree.fromstring(results["curve"]._repr_svg_()).find(f"{NAMESPACE}path").get("d")
     assert d.startswith("M 0,0 C ")
@@ -83,7 +83,7 @@ def test_drawings_are_written_whole(results, name, tmp_path):
 
 def test_the_row_of_joined_motifs_is_drawn_in_its_order(results):
     joined = results["joined"]
-    row = ts.arrange(joined.motifs, [range(len(joined.motifs))])
+    row = ts.motif.arrange(joined.motifs, [range(len(joined.motifs))])
     assert joined.to_svg() == row.to_svg()
     assert row.densities.shape[2] == 16 * len(joined.motifs)
     np.testing.assert_array_equal(row.densities[:, :, :16], joined.motifs[0].densities)

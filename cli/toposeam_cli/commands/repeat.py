@@ -184,7 +184,7 @@ def _kaleidoscope(motif: Picture, rule: str, cell: tuple[int, int], at: tuple[in
     planes = [np.atleast_3d(to_depth(motif.pixels, np.dtype(np.float32)))]
     if motif.alpha is not None:
         planes.append(to_depth(motif.alpha, np.dtype(np.float32))[..., np.newaxis])
-    shown = ts.kaleidoscope(np.concatenate(planes, axis=2), rule, cell[::-1], at=at)
+    shown = ts.motif.kaleidoscope(np.concatenate(planes, axis=2), rule, cell[::-1], at=at)
     colours = planes[0].shape[2]
     pixels = to_depth(shown[..., :colours], motif.pixels.dtype)
     return dataclasses.replace(

@@ -163,7 +163,7 @@ from toposeam_cli.stitching.windowed_output import describe_totals, make, summar
 @option(
     "--method",
     heading="Seam",
-    type=click.Choice(ts.METHODS),
+    type=click.Choice(ts.seam.METHODS),
     default="auto",
     show_default=True,
     help="How seams are found; auto takes the exact solver that is fastest.",
@@ -202,7 +202,7 @@ from toposeam_cli.stitching.windowed_output import describe_totals, make, summar
 @option(
     "--blend",
     heading="Tones and blend",
-    type=click.Choice(ts.BLENDS),
+    type=click.Choice(ts.layers.BLENDS),
     help="What happens across the seams; multiband for photographs, else none.",
 )
 @option(
@@ -388,7 +388,7 @@ def _stitch(
     aligned = None
     if find.align:
         radius = {} if find.align_radius is None else {"radius": find.align_radius}
-        aligned = ts.align(job.layers, executor=means.workers, **radius)
+        aligned = ts.layers.align(job.layers, executor=means.workers, **radius)
         job = dataclasses.replace(job, layers=aligned.layers)
     wrap = job.wrap if find.wrap is None else find.wrap
     find = dataclasses.replace(find, wrap=width_round(wrap, job.files or files))
@@ -464,7 +464,7 @@ def _reported(report: str | dict[str, Any], warnings: Sequence[str], out: Output
     return found
 
 
-def _unseen(composed: ts.Composition, find: SeamOptions, out: Outputs) -> list[str]:
+def _unseen(composed: ts.layers.Composition, find: SeamOptions, out: Outputs) -> list[str]:
     """Compose the warnings about pictures that show nowhere."""
     middle = "--core 0.5 shows the middle of all pictures inside others, " if find.core is None else ""
     return [] if out.quiet else hidden(composed, f"{middle}--keep N=MASK what you want of one")
@@ -478,7 +478,7 @@ def _stitch_large(
     crop: str,
     means: Means,
     warnings: Sequence[str],
-    aligned: ts.Aligned | None,
+    aligned: ts.layers.Aligned | None,
 ) -> dict[str, Any]:
     """Return the same for pictures larger than memory."""
     composed = composed_as(job, find, out, files, means.workers)

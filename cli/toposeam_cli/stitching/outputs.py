@@ -66,7 +66,7 @@ def numbered(out: Outputs, number: int) -> Outputs:
 def write(
     out: Outputs,
     job: PlacedPictures,
-    finished: ts.Stitched,
+    finished: ts.layers.Stitched,
     documents: Sequence[tuple[Path, bytes]],
     overlay: npt.NDArray[np.uint8] | None,
 ) -> None:
@@ -96,7 +96,7 @@ def write_composite(out: Outputs, picture: Picture, keep: Keep | None = None) ->
     write_picture(out.output, picture, out.force, keep=keep, **options)
 
 
-def _labels(stitched: ts.Stitched) -> Any:
+def _labels(stitched: ts.layers.Stitched) -> Any:
     """(H, W) uint8: grays from black for the first layer to white for the last; black where there is none."""
     grays = np.rint(np.linspace(0, 255, len(stitched.names))).astype(np.uint8)
     return np.append(grays, np.uint8(0))[stitched.label_map]
@@ -187,14 +187,14 @@ def _opaque(layers: Sequence[ts.Layer]) -> npt.NDArray[np.bool_]:
 class Cropped:
     """A composite as it is written."""
 
-    stitched: ts.Stitched
+    stitched: ts.layers.Stitched
     #: Where it begins on the canvas, x and y; None where it is all of it.
     at: tuple[int, int] | None = None
     #: Share of its pixels that no picture showed.
     filled: float = 0.0
 
 
-def cropped(stitched: ts.Stitched, out: Outputs) -> Cropped:
+def cropped(stitched: ts.layers.Stitched, out: Outputs) -> Cropped:
     """Return the largest rectangle without holes, or with those near a picture filled."""
     if stitched.alpha is None:
         return Cropped(stitched=stitched)

@@ -29,8 +29,8 @@ def told_of(
     at: tuple[int, int] | None,
     whole: tuple[int, int],
     layers: tuple[ts.Layer, ...],
-    placement: ts.Placement | None,
-    aligned: ts.Aligned | None,
+    placement: ts.layers.Placement | None,
+    aligned: ts.layers.Aligned | None,
 ) -> str:
     """Describe a result of a shape, cropped from a corner of a whole, for people."""
     text = f"{out.output}: {shape[1]} × {shape[0]} px, {seams}"
@@ -52,10 +52,10 @@ def _kept_by(out: Outputs) -> str:
 
 
 def summary_of_all(
-    stitched: ts.Stitched,
+    stitched: ts.layers.Stitched,
     layers: tuple[ts.Layer, ...],
-    aligned: ts.Aligned | None,
-    placement: ts.Placement | None = None,
+    aligned: ts.layers.Aligned | None,
+    placement: ts.layers.Placement | None = None,
 ) -> dict[str, Any]:
     """Summarise a result for ``--json``: the seam of two pictures, or layers and seams of more."""
     places = {"layers": [_place(index, stitched, layers[index], aligned) for index in range(len(layers))]}
@@ -75,7 +75,9 @@ def summary_of_all(
     return {"cost": stitched.cost, "rounds": stitched.rounds, **likeness, **places, "seams": seams}
 
 
-def _place(index: int, stitched: ts.Stitched, layer: ts.Layer, aligned: ts.Aligned | None) -> dict[str, Any]:
+def _place(
+    index: int, stitched: ts.layers.Stitched, layer: ts.Layer, aligned: ts.layers.Aligned | None
+) -> dict[str, Any]:
     place: dict[str, Any] = {
         "name": layer.name,
         "at": list(layer.at),
@@ -87,7 +89,7 @@ def _place(index: int, stitched: ts.Stitched, layer: ts.Layer, aligned: ts.Align
     return place
 
 
-def hidden(composed: ts.Composition, remedy: str) -> list[str]:
+def hidden(composed: ts.layers.Composition, remedy: str) -> list[str]:
     """Return a sentence about the pictures that show nowhere, where there are any, and what lets them
     show.
     """
@@ -98,7 +100,7 @@ def hidden(composed: ts.Composition, remedy: str) -> list[str]:
     return [f"{', '.join(names)} {do} not show, as others cover {them} and join better without; {remedy}"]
 
 
-def describe_alignment(layers: tuple[ts.Layer, ...], aligned: ts.Aligned | None) -> list[str]:
+def describe_alignment(layers: tuple[ts.Layer, ...], aligned: ts.layers.Aligned | None) -> list[str]:
     """Return one line per layer that was moved."""
     if aligned is None:
         return []
@@ -112,13 +114,13 @@ def describe_alignment(layers: tuple[ts.Layer, ...], aligned: ts.Aligned | None)
     return lines
 
 
-def describe(seam: ts.Seam, at: tuple[int, int] | None = None) -> str:
+def describe(seam: ts.seam.Seam, at: tuple[int, int] | None = None) -> str:
     """Return one line about the seam of two layers for people, of a picture cropped from a corner."""
     effort = f" in {counted(len(seam.history), 'iteration')}" if seam.history else ""
     text = (
         f"seam of {round(seam.length)} px by {seam.method}{effort}, cost {seam.cost:.4g}, "
         f"{seam.seconds:.2f} s{'' if seam.verdict is None else f': {seam.verdict.seen_from(at)}'}"
     )
-    if seam.termination == ts.Termination.ITERATIONS:
+    if seam.termination == ts.optimize.Termination.ITERATIONS:
         text += "; the heat did not settle on a single line, so this is the best cut of what it left"
     return text

@@ -75,7 +75,7 @@ class _Files:
 class _Window:
     """A window of the canvas that is to be computed into files."""
 
-    composed: ts.Composition | Framed
+    composed: ts.layers.Composition | Framed
     box: Box
     files: _Files
     #: Whether it is kept which layer shows.
@@ -98,7 +98,7 @@ class _Painted:
 
 
 def make(
-    composed: ts.Composition | Framed,
+    composed: ts.layers.Composition | Framed,
     job: PlacedPictures,
     out: Outputs,
     crop: str,
@@ -177,7 +177,7 @@ def make(
     )
 
 
-def _known_full(composed: ts.Composition | Framed) -> bool | None:
+def _known_full(composed: ts.layers.Composition | Framed) -> bool | None:
     """Test whether all of it is opaque; None where only painting shows it, as layers are partly
     transparent.
     """
@@ -288,7 +288,7 @@ def _give_back_memory() -> None:
 
 def write_large(
     out: Outputs,
-    composed: ts.Composition | Framed,
+    composed: ts.layers.Composition | Framed,
     large: Large,
     documents: Sequence[tuple[Path, bytes]],
     scratch: Scratch,
@@ -315,7 +315,7 @@ def write_large(
 
 
 def describe_totals(
-    composed: ts.Composition, executor: Executor | None = None, at: tuple[int, int] | None = None
+    composed: ts.layers.Composition, executor: Executor | None = None, at: tuple[int, int] | None = None
 ) -> str:
     """Return one line about the seams for people, of a picture cropped from a corner."""
     if not composed.pairs:
@@ -328,7 +328,7 @@ def describe_totals(
     )
 
 
-def summary_of_large(composed: ts.Composition, large: Large) -> dict[str, Any]:
+def summary_of_large(composed: ts.layers.Composition, large: Large) -> dict[str, Any]:
     """Summarise a large result for ``--json``; without optima, which take longer than the seams."""
     layers = [
         {"name": layer.name, "at": list(layer.at), "shown_px": shown}

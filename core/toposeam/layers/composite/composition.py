@@ -87,7 +87,7 @@ class Composition:
     --------
     >>> import numpy as np, toposeam as ts
     >>> a, b = np.random.default_rng(0).random((2, 30, 40))
-    >>> composed = ts.compose(ts.overlapping(a, b, overlap=10))
+    >>> composed = ts.layers.compose(ts.layers.overlapping(a, b, overlap=10))
     >>> composed.shape, composed.pairs
     ((30, 70), ((0, 1),))
     >>> image, alpha = composed.window(slice(0, 8), slice(60, 70))
@@ -273,7 +273,7 @@ class Composition:
         --------
         >>> import numpy as np, toposeam as ts
         >>> a, b = np.random.default_rng(0).random((2, 30, 40))
-        >>> totals = ts.compose(ts.overlapping(a, b, overlap=10)).totals()
+        >>> totals = ts.layers.compose(ts.layers.overlapping(a, b, overlap=10)).totals()
         >>> totals.method, totals.length >= 30
         ('shortest-path', True)
         """

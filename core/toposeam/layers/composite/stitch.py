@@ -44,7 +44,7 @@ class Stitched:
     --------
     >>> import numpy as np, toposeam as ts
     >>> a, b = np.random.default_rng(0).random((2, 30, 40))
-    >>> stitched = ts.stitch(ts.overlapping(a, b, overlap=10))
+    >>> stitched = ts.stitch(ts.layers.overlapping(a, b, overlap=10))
     >>> stitched.image.shape, len(stitched.masks), stitched.pairs
     ((30, 70), 2, ((0, 1),))
     """
@@ -150,7 +150,7 @@ def pair_name(first: str, second: str) -> str:
     Examples
     --------
     >>> import toposeam as ts
-    >>> ts.pair_name("a", "b")
+    >>> ts.layers.pair_name("a", "b")
     'a : b'
     """
     return " ".join(f"{first} : {second}".split())

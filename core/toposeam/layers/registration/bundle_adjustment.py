@@ -37,8 +37,7 @@ _SAID, _USUAL = 0.05, 0.6
 _POINTS = 150
 #: A point that is off by so many times its uncertainty counts half as much; first all count.
 _SCALES = (30.0, 2.0)
-#: Steps at most; one that lowers the loss by less than this share is the last, for each of the scales.
-_STEPS, _SETTLED = 60, (1e-3, 1e-7)
+_STEPS, _SETTLED = 60, 1e-7
 #: A distortion counts where it takes away this share of what is left, of a single pair more; larger ones are
 #: no lens.
 _DISTORTION_GAIN, _PAIR_GAIN, _LARGEST_DISTORTION = 0.04, 0.25, 0.2
@@ -285,11 +284,11 @@ class _Problem:
 
     def solved(self, *starts: Floats) -> tuple[Floats, float]:
         """Unknowns of least loss, and the loss, from the start that has the least at the first scale."""
-        (wide, narrow), (rough, fine) = _SCALES, _SETTLED
-        found = [self._descended(start, wide, rough) for start in starts]
-        return self._descended(min(found, key=lambda one: one[1])[0], narrow, fine)
+        wide, narrow = _SCALES
+        found = [self._descended(start, wide) for start in starts]
+        return self._descended(min(found, key=lambda one: one[1])[0], narrow)
 
-    def _descended(self, start: Floats, scale: float, settled: float) -> tuple[Floats, float]:
+    def _descended(self, start: Floats, scale: float) -> tuple[Floats, float]:
         """Unknowns of least loss Σ s² log(1 + r² ÷ s²) near a start, by the method of Levenberg and Marquardt
         on equations that are weighted anew in each step.
         """
@@ -320,7 +319,7 @@ class _Problem:
                     damping = max(damping / 5, 1e-9)
                     break
                 damping *= 4
-            if before - loss <= settled * loss:
+            if before - loss <= _SETTLED * loss:
                 break
         return unknowns, loss
 

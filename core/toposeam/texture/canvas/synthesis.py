@@ -211,7 +211,7 @@ def apply_coordinates(
     >>> import numpy as np, toposeam as ts
     >>> sample, height = np.random.default_rng(0).random((2, 48, 48))
     >>> grown = ts.synthesize(sample, (60, 60), patch=20)
-    >>> ts.apply_coordinates(height, grown.source).shape
+    >>> ts.texture.apply_coordinates(height, grown.source).shape
     (60, 60)
     """
     wraps, smooth = wraps_of(tileable), check_whole("smooth", smooth, 0, MAX_SMOOTH)

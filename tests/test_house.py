@@ -23,6 +23,7 @@ BASE = {"toposeam.errors", "toposeam.sentence", "toposeam.checks", "toposeam.ima
 BELOW = BASE | {
     "toposeam.saving",
     "toposeam.display",
+    "toposeam.picture_files",
     "toposeam.heat",
     "toposeam.optimize",
     "toposeam.vector",
@@ -38,6 +39,7 @@ ARROWS = {
     "toposeam.colours": {"toposeam.errors"},
     "toposeam.saving": set(),
     "toposeam.display": BASE,
+    "toposeam.picture_files": BASE | {"toposeam.display", "toposeam.saving"},
     "toposeam.heat": {"toposeam.errors", "toposeam.checks"},
     "toposeam.optimize": {"toposeam.errors", "toposeam.checks"},
     "toposeam.vector": {

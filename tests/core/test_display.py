@@ -1,7 +1,9 @@
 """What results say of themselves, and how they show in notebooks."""
 
 import numpy as np
+import PIL.Image
 import pytest
+import tifffile
 from defusedxml import ElementTree
 from skimage import data
 
@@ -53,6 +55,44 @@ def test_pictures_show_in_notebooks(results, name):
     assert results[name]._repr_png_().startswith(b"\x89PNG")
 
 
+@pytest.mark.parametrize("name", ["stitched", "synthesis", "motif", "arrangement"])
+@pytest.mark.parametrize("suffix", [".png", ".webp", ".TIF", ".jpg"])
+def test_pictures_are_saved(results, name, suffix, tmp_path):
+    file = tmp_path / f"it{suffix}"
+    results[name].save(file)
+    shown = ts.to_pil(results[name])
+    with PIL.Image.open(file) as read:
+        assert read.size == shown.size
+        off = np.abs(np.asarray(read.convert("RGB"), int) - np.asarray(shown.convert("RGB"), int))
+    assert off.max() == 0 if suffix == ".png" else off.mean() < 4
+    assert [one.name for one in tmp_path.iterdir()] == [file.name]
+
+
+@pytest.mark.parametrize("dtype", [np.uint16, np.float32])
+def test_tiff_keeps_every_depth_and_opacity(dtype, tmp_path):
+    picture = np.random.default_rng(0).random((20, 30, 3)).astype(np.float32)
+    picture = picture if dtype == np.float32 else (picture * 65535).astype(dtype)
+    stitched = ts.stitch([ts.Layer(picture[:, :20]), ts.Layer(picture[5:, 15:], at=(15, 5))])
+    stitched.save(tmp_path / "it.tif")
+    read = tifffile.imread(tmp_path / "it.tif")
+    np.testing.assert_array_equal(read[..., :3], stitched.image)
+    np.testing.assert_array_equal(read[..., 3], stitched.alpha)
+
+
+def test_what_a_format_does_not_keep_is_refused(results, tmp_path):
+    holed = ts.stitch([ts.Layer(PICTURE[:, :40]), ts.Layer(PICTURE[5:, 30:], at=(30, 5))])
+    deep = ts.stitch([ts.Layer(np.zeros((9, 9), np.uint16)), ts.Layer(np.ones((9, 9), np.uint16), at=(4, 0))])
+    for result, name, remedy in (
+        (results["stitched"], "it.bmp", r"save as \.png"),
+        (results["stitched"], "it", r"save as \.png"),
+        (holed, "it.jpg", r"save it as \.png"),
+        (deep, "it.png", r"save it as \.tif"),
+    ):
+        with pytest.raises(ts.OptionError, match=remedy):
+            result.save(tmp_path / name)
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize("name", ["path", "line", "closed line", "curve", "drawing"])
 def test_vectors_show_in_notebooks(results, name):
     root = ElementTree.fromstring(results[name]._repr_svg_().encode())
@@ -94,3 +134,8 @@ def test_results_are_equal_by_identity_and_hashable(results):
     assert len({result: name for name, result in results.items()}) == len(results)
     for result in results.values():
         assert result == result
+
+
+def test_a_folder_that_is_not_there_is_named(results, tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"gone/it\.png'$"):
+        results["stitched"].save(tmp_path / "gone" / "it.png")

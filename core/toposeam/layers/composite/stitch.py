@@ -23,6 +23,7 @@ from toposeam.layers.composite.composition import Composition, Outline
 from toposeam.layers.composite.local_warp import check_give, give_way
 from toposeam.layers.labelling.problem import Pair
 from toposeam.layers.search.options import Effort, SearchOptions
+from toposeam.picture_files import PictureResult
 from toposeam.saving import save
 from toposeam.seam.find import Method
 from toposeam.seam.heat.method import HeatOptions
@@ -37,7 +38,7 @@ from toposeam.vector.svg import SvgSeam, write_svg
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Stitched:
+class Stitched(PictureResult):
     """The composite of placed layers.
 
     Examples

@@ -49,7 +49,7 @@ from toposeam_cli.stitching.outputs import (
 from toposeam_cli.stitching.place_options import FindingOptions, finding_options, with_defaults
 from toposeam_cli.stitching.placement_report import found_of, misfits
 from toposeam_cli.stitching.positions import ORDERS, Where, width_round
-from toposeam_cli.stitching.report import describe, hidden, is_read, summary_of_all, told_of
+from toposeam_cli.stitching.report import crop_at, describe, hidden, is_read, summary_of_all, told_of
 from toposeam_cli.stitching.search_options import (
     Means,
     SeamOptions,
@@ -408,6 +408,7 @@ def _stitch(
     stitched = ts_stitched(composed, mapped)
     written = cropped(stitched, out) if crop == "inside" else Cropped(stitched=stitched)
     finished, at = written.stitched, written.at
+    crop_box = crop_at(at, finished.image.shape)
     warnings += [] if out.quiet else misfits(job, at)
     overlay = None if out.overlay is None else draw_seams(stitched.image, stitched.seams)
     if overlay is not None and at is not None:
@@ -439,12 +440,12 @@ def _stitch(
         documents.append((out.report, seam_page(page).encode(errors="backslashreplace")))
     report: str | dict[str, Any] = ""
     if out.as_json:
-        found = summary_of_all(stitched, job.layers, aligned, job.placement)
+        found = summary_of_all(stitched, job.layers, aligned, job.placement, crop_box)
         bent = {"bent_px": composed.bent} if find.give else {}
         report = found | bent | found_of(job)
     elif is_read(out.quiet):
         two = len(job.layers) == 2
-        told = describe(stitched.seams[0], at) if two else describe_totals(composed, at=at)
+        told = describe(stitched.seams[0], crop_box) if two else describe_totals(composed, crop=crop_box)
         report = told_of(out, finished.image.shape, told, at, job.shape, job.layers, job.placement, aligned)
         if find.give:
             report += f", bent by up to {composed.bent:.1f} px" if composed.bent else ", bent nowhere"
@@ -509,7 +510,7 @@ def _stitch_large(
         if out.as_json:
             report = summary_of_large(composed, large) | found_of(job)
         elif is_read(out.quiet):
-            told = describe_totals(composed, means.workers, large.at)
+            told = describe_totals(composed, means.workers, large.crop)
             report = told_of(
                 out,
                 large.picture.pixels.shape,

@@ -62,3 +62,19 @@ def test_pictures_of_another_size_are_refused():
     seam = ts.find_seam(ROWS, ROWS)
     with pytest.raises(ts.OptionError, match="pass the pictures it was found in"):
         ts.seam.seam_verdict(seam, ROWS[:-1], ROWS[:-1])
+
+
+def test_a_crop_is_judged_by_what_it_shows():
+    rng = np.random.default_rng(0)
+    a = rng.random((96, 40))
+    b = a.copy()
+    b[:16] = rng.random((16, 40))
+    verdict = ts.find_seam(a, b).verdict
+    assert verdict.where[1] < 16
+    below = verdict.inside((3, 32, 37, 64))
+    assert below.unseen
+    assert below.worst == pytest.approx(1)
+    above = verdict.inside((1, 2, 39, 60))
+    assert above.where == (verdict.where[0] - 1, verdict.where[1] - 2)
+    assert verdict.inside(None) is verdict
+    assert verdict.inside((39, 0, 1, 96)).where is None

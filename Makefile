@@ -16,7 +16,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check
 
 $(INSTALLED): pyproject.toml
 	"$(PYTHON)" -m venv $(VENV)
-	$(PIP) install --quiet --no-compile --editable .
+	$(PIP) install --quiet --no-compile --editable '.[cli]'
 	@touch $@
 
 $(READY): pyproject.toml

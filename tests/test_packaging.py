@@ -207,6 +207,12 @@ def test_the_installation_is_told_truly():
     project = tomllib.loads((HERE / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert all(re.search(r">=\d", wanted) for wanted in project["dependencies"])
     assert not [wanted for wanted in project["dependencies"] if "maxflow" in wanted.lower()]
+    command_line = {"click", "pyvips", "qdldl", "cffi"}
+    names = {re.match(r"[\w-]+", wanted)[0] for wanted in project["dependencies"]}
+    assert not names & command_line
+    assert {"click", "pyvips"} <= {
+        re.match(r"[\w-]+", wanted)[0] for wanted in project["optional-dependencies"]["cli"]
+    }
     for extra in ("test", "bench"):
         (maxflow,) = (w for w in project["optional-dependencies"][extra] if w.startswith("PyMaxflow"))
         assert "python_version < '3.14'" in maxflow
@@ -222,6 +228,7 @@ def test_the_measured_three_commands_are_those_of_the_readme():
     (measured,) = re.findall(r'as_user no "(python3 -m venv .venv && .*)" >>', script)
     for without in (" -q", " --no-cache-dir", " --no-index", " --find-links ../wheels"):
         measured = measured.replace(without, "")
+    measured = measured.replace(".[cli]", "'.[cli]'")  # which is in quotes already there
     assert measured.split(" && ") == three.splitlines()
 
 
@@ -278,3 +285,17 @@ def test_the_tests_are_collected_where_there_is_nothing_of_unix(tmp_path):
         check=False,
     )
     assert done.returncode == 0, done.stdout[-3000:]
+
+
+@pytest.mark.parametrize("document", ["NOTICE", "docs/dependencies.md"])
+def test_documents_name_what_installing_brings(document):
+    project = tomllib.loads((HERE / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = ("cli", "heic", "plot", "dask", "video", "volumes", "fast", "graphcut")
+    wanted = [
+        *project["dependencies"],
+        *(one for extra in extras for one in project["optional-dependencies"][extra]),
+    ]
+    names = {re.match(r"[\w-]+", one)[0].lower() for one in wanted}
+    text = (HERE / document).read_text(encoding="utf-8").lower()
+    assert not [name for name in names if not re.search(rf"\b{re.escape(name)}\b", text)]
+    assert not [f"[{extra}]" for extra in extras if f"[{extra}]" not in text and f"`{extra}`" not in text]

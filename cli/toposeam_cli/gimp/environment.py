@@ -118,8 +118,8 @@ def requirement() -> str:
     except PackageNotFoundError:
         told = None
     if told:
-        return str(json.loads(told)["url"])
+        return f"toposeam[cli] @ {json.loads(told)['url']}"
     raise OptionError(
         "this TopoSeam does not say where it was installed from; make an environment from a checkout "
-        "(python -m venv FOLDER, and FOLDER/bin/pip install CHECKOUT), and name its Python with --python"
+        "(python -m venv FOLDER, and FOLDER/bin/pip install CHECKOUT[cli]), and name its Python with --python"
     )

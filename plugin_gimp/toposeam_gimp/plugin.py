@@ -102,6 +102,8 @@ def _run(
     )
     try:
         name, function = entry.work.split(".")
+        if interactive and not _has_engine():
+            return procedure.new_return_values(Gimp.PDBStatusType.CANCEL, None)
         if interactive and entry.options and not _ask_user(procedure, config, entry, image, drawables):
             return procedure.new_return_values(Gimp.PDBStatusType.CANCEL, None)
         call = replace(call, options={one.name: config.get_property(one.name) for one in entry.options})
@@ -138,6 +140,12 @@ def _run(
     value = GObject.Value(Gimp.Layer, layer)
     result.insert(1, value)
     return result
+
+
+def _has_engine() -> bool:
+    from toposeam_gimp.dialogs.first_use import has_engine
+
+    return has_engine()
 
 
 def _ask_user(

@@ -142,7 +142,7 @@ def write_reference(folder: Path) -> None:
     names = offered()
     rooms = {room for _, kept in PAGES.values() for room in kept}
     for page, (title, kept) in PAGES.items():
-        lines = [title, "=" * len(title), "", ".. currentmodule:: toposeam", ""]
+        lines = [title, "=" * len(title), ""]
         for name, module in sorted(names.items(), key=lambda pair: (pair[0][0].isupper(), pair[1], pair[0])):
             room = module.split(".")[1]
             if room in kept or (not kept and room not in rooms):
@@ -157,8 +157,8 @@ def _entry(name: str, module: str) -> list[str]:
     if name.split(".")[-1].isupper():
         return [f".. autodata:: {module}.{name.split('.')[-1]}", "   :no-value:", ""]
     if name.split(".")[-1][0].isupper():
-        return [f".. autoclass:: {name}", ""]
-    return [f".. autofunction:: {name}", ""]
+        return [f".. autoclass:: toposeam.{name}", ""]
+    return [f".. autofunction:: toposeam.{name}", ""]
 
 
 def _write(path: Path, text: str) -> None:

@@ -200,7 +200,7 @@ def test_the_readme_renders_on_pypi_with_absolute_links_only(built):
     Targets().feed(html)
     assert not [target for target in targets if not target.startswith(("https://", "#"))]
     assert "<h2" in html
-    assert "docs/stitching.md" in html  # as words: that is where the source archive has it
+    assert "docs/gimp.md" in html  # as words: that is where the source archive has it
 
 
 def test_the_installation_is_told_truly():

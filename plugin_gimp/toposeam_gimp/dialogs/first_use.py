@@ -43,19 +43,17 @@ def _asked(reason: str) -> Path | None:
     """Say what is missing; return what to make an engine of, None where people would rather not."""
     dialog = Gtk.MessageDialog(text=_("TopoSeam needs its engine"), message_type=Gtk.MessageType.QUESTION)
     dialog.set_title("TopoSeam")
-    dialog.format_secondary_text(
-        reason
-        + "\n\n"
-        + _(
-            "Or let the plug-in make a Python environment of its own in {folder}. That takes a few minutes "
-            "and some hundred megabytes; what TopoSeam builds on comes from the Python package index."
-        ).format(folder=_folder())
-    )
+    wheel = bundled()
+    offer = _(
+        "Or let the plug-in make a Python environment of its own in {folder}. That takes a few minutes "
+        "and some hundred megabytes; what TopoSeam builds on comes from the Python package index."
+    ).format(folder=_folder())
+    dialog.format_secondary_text(f"{reason}\n\n{offer}")
     dialog.add_button(_("_Cancel"), Gtk.ResponseType.CANCEL)
     dialog.add_button(_("_Choose TopoSeam…"), _CHOOSE)
-    wheel = bundled()
     if wheel is not None:
         dialog.add_button(_("_Make It"), _SET_UP)
+        dialog.set_default_response(_SET_UP)
     answer = dialog.run()
     dialog.destroy()
     if answer == _SET_UP:

@@ -22,7 +22,7 @@ def looped(job: EngineJob) -> ts.Loop:
     frames = []
     for raster in job.request["layers"]:
         image, alpha = colours_of(job, raster)
-        if (alpha < alpha.max()).any() or not alpha.any():
+        if alpha is not None and ((alpha < alpha.max()).any() or not alpha.any()):
             raise ts.ImageError(
                 "the frame {name} is transparent in places; fill it first",
                 kind="transparent frame",

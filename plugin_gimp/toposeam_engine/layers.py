@@ -36,14 +36,17 @@ def layer_of(job: EngineJob, raster: Mapping[str, Any]) -> ts.Layer:
     )
 
 
-def colours_of(job: EngineJob, raster: Mapping[str, Any]) -> tuple[Image, npt.NDArray[Any]]:
-    """Colour and opacity of a raster, its mask multiplied in."""
+def colours_of(job: EngineJob, raster: Mapping[str, Any]) -> tuple[Image, npt.NDArray[Any] | None]:
+    """Colour and opacity of a raster, its mask multiplied in; None where it is opaque."""
     pixels = job.read(raster)
-    alpha = pixels[..., -1]
+    image, alpha = pixels, None
+    if raster["channels"] in (2, 4):
+        image, alpha = pixels[..., 0] if raster["channels"] == 2 else pixels[..., :-1], pixels[..., -1]
     if raster.get("mask") is not None:
-        share = job.read(raster["mask"]) / np.float32(255)
-        alpha = (np.rint(alpha * share) if alpha.dtype.kind == "u" else alpha * share).astype(alpha.dtype)
-    return pixels[..., 0] if pixels.shape[2] == 2 else pixels[..., :-1], alpha
+        full = full_scale(pixels.dtype) if alpha is None else alpha
+        shown = job.read(raster["mask"]) / np.float32(255) * full
+        alpha = (np.rint(shown) if pixels.dtype.kind == "u" else shown).astype(pixels.dtype)
+    return image, alpha
 
 
 def place_of(raster: Mapping[str, Any]) -> tuple[int, int]:
@@ -107,7 +110,8 @@ def masks_of(
 def labels_raster(job: EngineJob, labels: Any, canvas: Extent) -> dict[str, Any]:
     """Return which layer shows at each pixel, counted from 1, and where the canvas lies."""
     dtype = np.uint8 if labels.max(initial=0) < 255 else np.uint16
-    return {**job.write((labels + 1).astype(dtype)), "at": list(canvas.origin)}
+    counted = np.add(labels, 1, dtype=dtype, casting="unsafe")
+    return {**job.write(counted), "at": list(canvas.origin)}
 
 
 def blending(options: Mapping[str, Any]) -> dict[str, Any]:

@@ -22,12 +22,12 @@ def lines_of(
     paths: Iterable[ts.Polyline], shift: Floats, known: Sequence[Mapping[str, Any]] = ()
 ) -> list[dict[str, Any]]:
     """Return the curves of lines, and the exact pieces that each of these stands for; where a known line, on
-    the asker's canvas, ran the same way, its curves are kept.
+    the asker's canvas, ran the same way, its curves are kept, and people wait for the others.
     """
     lines = []
     for path in paths:
         line = ts.Polyline(path.points + shift, path.closed)
-        curves, pieces = _like_known(line, known) or _smooth(line)
+        curves, pieces = _like_known(line, known) or _smooth(line, at_once=bool(known))
         lines.append({"closed": line.closed, "curves": curves, "pieces": pieces})
     return lines
 

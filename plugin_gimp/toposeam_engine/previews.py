@@ -9,6 +9,7 @@ alike.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -16,17 +17,19 @@ import numpy as np
 
 import toposeam as ts
 from toposeam.colours import parse_colour
-from toposeam.images import Image
+from toposeam.images import Image, Mask
 from toposeam.motif.ink.mixing import mix
 from toposeam_engine import animations, motifs, seams, textures
 from toposeam_engine.job import EngineJob
-from toposeam_engine.layers import layers_of, with_alpha
+from toposeam_engine.layers import colours_of, layers_of, with_alpha
 from toposeam_engine.places import framed
 
 #: Options that are lengths, and the least that still means something.
 _LENGTHS = {"blend_width": 1, "patch": 8, "overlap": 2, "band": 4, "width": 16, "height": 16}
-#: Motifs are made at this size at most, and with as many iterations.
-_MOTIF_PX, _MOTIF_ITERATIONS = 96, 18
+#: Motifs are made at this size at most, and with as many iterations: first in short, then as they will be.
+_MOTIF_PX, _MOTIF_ITERATIONS = {False: 96, True: 384}, {False: 18, True: 80}
+#: Pixels of a preview that was made at full size.
+_MOST_SHOWN = 400_000
 
 
 def preview(job: EngineJob) -> dict[str, Any]:
@@ -37,7 +40,8 @@ def preview(job: EngineJob) -> dict[str, Any]:
     for name in ("width", "height"):  # of a texture, of which only a part is shown
         if name in options:
             options[name] = max(int(options[name] * float(job.request.get("extent", 1))), _LENGTHS[name])
-    shown = _SHOWN[str(job.request["of"])](
+    shows = _BEFORE if job.request.get("before") else _SHOWN
+    shown = shows[str(job.request["of"])](
         dataclasses.replace(job, request={**job.request, "options": options})
     )
     return {"picture": job.write(shown)}
@@ -81,6 +85,18 @@ def _with_seams(job: EngineJob, found: ts.Stitched) -> Image:
     return with_alpha(ts.draw_seams(found.image, found.seams) if lined else found.image, found.alpha)
 
 
+def _stacked(job: EngineJob) -> Image:
+    """Layers on each other, as they lie."""
+    layers = layers_of(job)
+    canvas = ts.common_canvas(layers)
+    first = with_alpha(layers[0].image, None)
+    picture = np.zeros((*canvas.shape, first.shape[2]), first.dtype)
+    for layer in layers:
+        here = picture[canvas.place(layer).slices]
+        np.copyto(here, with_alpha(layer.image, layer.alpha), where=layer.covered[..., np.newaxis])
+    return picture
+
+
 def _synthesize(job: EngineJob) -> Image:
     made = textures.synthesized(job)
     return with_alpha(made.image, made.alpha)
@@ -91,19 +107,57 @@ def _make_tileable(job: EngineJob) -> Image:
     return np.tile(with_alpha(made.image, made.alpha), (2, 2, 1))
 
 
+def _tiled(job: EngineJob) -> Image:
+    return np.tile(_layer(job), (2, 2, 1))
+
+
+def _layer(job: EngineJob) -> Image:
+    return with_alpha(*colours_of(job, job.request["layer"]))
+
+
+def _unfilled(job: EngineJob) -> Image:
+    return _cut(job, _layer(job))
+
+
 def _fill(job: EngineJob) -> Image:
-    image, alpha, _sample = textures.filled(job)
-    return with_alpha(image, alpha)
+    image, alpha, sample, part, source = textures.filled(job)
+    shown = _layer(job)
+    if source is not None:  # what is not copied from is darker
+        shown[..., :-1] //= 2
+        image = np.where(_wide(source | np.asarray(sample.selected), image), image, image // 2)
+    shown[part] = with_alpha(image, alpha)
+    return _cut(job, shown)
+
+
+def _cut(job: EngineJob, picture: Image) -> Image:
+    """What is shown of a picture that was made at full size."""
+    left, top, width, height = job.request.get("shown") or (0, 0, picture.shape[1], picture.shape[0])
+    return _small(picture[top : top + height, left : left + width])
+
+
+def _wide(mask: Mask, image: Image) -> Mask:
+    """The mask as an image's channels need it."""
+    return mask if image.ndim == 2 else mask[..., np.newaxis]
+
+
+def _small(picture: Image) -> Image:
+    """The picture reduced by a whole number to what a preview needs."""
+    step = math.ceil(math.sqrt(picture.shape[0] * picture.shape[1] / _MOST_SHOWN))
+    height, width = (max(length // step, 1) for length in picture.shape[:2])
+    blocks = picture[: height * step, : width * step].reshape(height, step, width, step, -1)
+    reduced: Image = np.rint(blocks.mean(axis=(1, 3), dtype=np.float32)).astype(picture.dtype)
+    return reduced
 
 
 def _motif(job: EngineJob) -> Image:
     options = dict(job.options)
-    options["size"] = min(options["size"], _MOTIF_PX)
-    options["iterations"] = min(options["iterations"], _MOTIF_ITERATIONS)
+    exact = bool(job.request.get("exact"))
+    options["size"] = min(options["size"], _MOTIF_PX[exact])
+    options["iterations"] = min(options["iterations"], _MOTIF_ITERATIONS[exact])
     made = motifs.generated(dataclasses.replace(job, request={**job.request, "options": options}))
     sheet = made if options["repeat"] == "none" else ts.repeat(made, (2, 2))
     image = sheet.image() if isinstance(sheet, ts.Motif) else sheet
-    return with_alpha(np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8), None)
+    return _small(with_alpha(np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8), None))
 
 
 def _repeat(job: EngineJob) -> Image:
@@ -132,4 +186,11 @@ _SHOWN: dict[str, Callable[[EngineJob], Image]] = {
     "motif": _motif,
     "repeat": _repeat,
     "loop": _loop,
+}
+#: What there was before.
+_BEFORE: dict[str, Callable[[EngineJob], Image]] = {
+    "stitch": _stacked,
+    "patch": _stacked,
+    "make_tileable": _tiled,
+    "fill": _unfilled,
 }

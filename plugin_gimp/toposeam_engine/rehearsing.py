@@ -10,6 +10,7 @@ import numpy as np
 
 from toposeam_engine.job import EngineJob
 from toposeam_engine.previews import preview
+from toposeam_engine.restitching import restitch
 
 _SIDE = 48
 
@@ -19,6 +20,10 @@ class _Rehearsal(EngineJob):
 
     def read(self, raster: Mapping[str, Any]) -> Any:
         shape = int(raster["height"]), int(raster["width"]), int(raster["channels"])
+        if "stroke" in raster:
+            pixels = np.zeros(shape, np.uint8)
+            pixels[20:26, 30:34] = *raster["stroke"], 255
+            return pixels
         pixels = np.random.default_rng(0).integers(1, 255, shape, np.uint8)
         pixels[..., -1] = 255
         if shape[2] > 1:
@@ -31,13 +36,13 @@ class _Rehearsal(EngineJob):
 
 
 def rehearse(of: str) -> None:
-    """Make a picture of what a dialog will show; nothing for what is not known."""
+    """Make a picture of what a dialog will show, or join tiny layers again; nothing for what is not known."""
     request = _requests().get(of)
     if request is not None:
         job = _Rehearsal(
             folder=Path(), request={"of": of, "scale": 1.0, **request}, progress=lambda _share: None
         )
-        preview(job)
+        (restitch if of == "restitch" else preview)(job)
 
 
 def _requests() -> dict[str, dict[str, Any]]:
@@ -53,6 +58,14 @@ def _requests() -> dict[str, dict[str, Any]]:
         "synthesize": {**texture, "options": {**patch, "width": 64, "height": 64}},
         "make_tileable": {**texture, "options": {"band": 0, "seed": 0}},
         "fill": {**texture, "selection": hole, "source": None, "options": {**patch, "band": 0}},
+        "restitch": {
+            "layers": [left, right],
+            "shown": [None, None],
+            "hints": {**left, "at": [0, 0], "stroke": [0, 0, 255]},
+            "colours": [[0, 0, 255], [255, 0, 0]],
+            "seams": [],
+            "options": {"blend": "none"},
+        },
         "motif": {"layer": None, "options": {**motif, "base_strength": 0.0, "iterations": 1, "seed": 0}},
         "loop": {"layers": [left] * 8, "options": {"length": 4, "transition": 2, "level": True}},
     }

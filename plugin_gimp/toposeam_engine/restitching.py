@@ -48,8 +48,9 @@ def restitch(job: EngineJob) -> dict[str, Any]:
     layers, options = layers_of(job), blending(job.options)
     cost = options.pop("cost", None)
     canvas = ts.common_canvas(layers)
-    shown = _shown(job, layers, canvas)
     written = _written(job, canvas)
+    kept = written is not None and bool(job.request.get("masks_kept"))
+    shown = written if kept and written is not None else _shown(job, layers, canvas)
     moved = len(layers) == 2 and written is None
     seams = [seam for seam in job.request["seams"] if seam["touched"] or moved]
     before = shown if written is None else written
@@ -59,8 +60,9 @@ def restitch(job: EngineJob) -> dict[str, Any]:
         labels = ts.restitch(layers, _masks(before, len(layers)), paths).label_map
     job.progress(0.2)
     wanted = _strokes(job, layers, canvas)
-    painted = np.zeros(canvas.shape, bool) if written is None else (shown != written) & (shown >= 0)
-    wanted[painted] = shown[painted]
+    painted = None if kept or written is None else (shown != written) & (shown >= 0)
+    if painted is not None:
+        wanted[painted] = shown[painted]
     wrong = (wanted >= 0) & (labels != wanted)
     searched = bool(wrong.any())
     if searched:
@@ -75,7 +77,7 @@ def restitch(job: EngineJob) -> dict[str, Any]:
         "blended": blended,
         "labels": labels_raster(job, labels, canvas),
         "seams": _seams(layers, canvas, labels, job.request["seams"]) if searched else None,
-        "hints": _hints(job, canvas, wanted) if painted.any() else None,
+        "hints": _hints(job, canvas, wanted) if painted is not None and painted.any() else None,
     }
     job.progress(1.0)
     return result
@@ -96,8 +98,11 @@ def _written(job: EngineJob, canvas: Extent) -> Labels | None:
     raster = job.request.get("written")
     if raster is None or place_of(raster) != canvas.origin:
         return None
-    labels = job.read(raster).astype(np.int16) - np.int16(1)
-    return labels if labels.shape == canvas.shape else None
+    counted = job.read(raster)
+    if counted.shape != canvas.shape:
+        return None
+    labels: Labels = np.subtract(counted, 1, dtype=np.int16, casting="unsafe")
+    return labels
 
 
 def _masks(labels: Labels, count: int) -> list[Mask]:
@@ -121,11 +126,15 @@ def _strokes(job: EngineJob, layers: Sequence[ts.Layer], canvas: Extent) -> Labe
     rows, columns = np.nonzero(inside[..., 3] >= _OPAQUE)
     colours = np.array(job.request["colours"], np.int32)
     far = ((inside[rows, columns, None, :3].astype(np.int32) - colours) ** 2).sum(axis=2)
-    wanted[rows + common.top, columns + common.left] = far.argmin(axis=1).astype(np.int16)
+    here = wanted[common.slices]
+    here[rows, columns] = far.argmin(axis=1).astype(np.int16)
     for index, layer in enumerate(layers):
-        own = np.zeros(canvas.shape, bool)
-        own[canvas.place(layer).slices] = layer.covered
-        wanted[(wanted == index) & ~own] = -1
+        part = _part(layer, canvas, common)
+        own = np.zeros(common.shape, bool)
+        if part is not None:
+            shared = canvas.place(part).shared(common)
+            own[shared.within(common)] = part.covered
+        here[(here == index) & ~own] = -1
     return wanted
 
 
@@ -188,8 +197,8 @@ def _joined_round(
     return result
 
 
-def _part(layer: ts.Layer, canvas: Extent, box: Box, keep: Mask) -> ts.Layer | None:
-    """What a window of the canvas cuts out of a layer, which must show in some places."""
+def _part(layer: ts.Layer, canvas: Extent, box: Box, keep: Mask | None = None) -> ts.Layer | None:
+    """What a window of the canvas cuts out of a layer, which may have to show in some places."""
     place = canvas.place(layer)
     common = place.shared(box)
     if not all(common.shape):
@@ -198,11 +207,13 @@ def _part(layer: ts.Layer, canvas: Extent, box: Box, keep: Mask) -> ts.Layer | N
     part = dataclasses.replace(
         layer.bare,
         image=np.asarray(layer.image)[own],
+        alpha=None if layer.alpha is None else np.asarray(layer.alpha)[own],
         at=(canvas.origin[0] + common.left, canvas.origin[1] + common.top),
     )
-    alpha = None if layer.alpha is None else np.asarray(layer.alpha)[own]
-    part = dataclasses.replace(part, alpha=alpha, keep=keep[common.within(box)])
-    return part if part.covered.any() else None
+    covered = part.covered
+    if keep is not None and (kept := keep[common.within(box)] & covered).any():
+        part = dataclasses.replace(part, keep=kept)
+    return part if covered.any() else None
 
 
 def _seams(
@@ -212,9 +223,9 @@ def _seams(
     known = {(int(seam["pair"][0]), int(seam["pair"][1])): seam["known"] for seam in before}
     pairs: set[tuple[int, int]] = set()
     for first, second in ((labels[:, :-1], labels[:, 1:]), (labels[:-1], labels[1:])):
-        step = (first != second) & (first >= 0) & (second >= 0)
-        found = np.unique(np.sort(np.stack([first[step], second[step]]), axis=0), axis=1)
-        pairs |= {(int(i), int(j)) for i, j in found.T}
+        step = first != second
+        sides = np.sort(np.stack([first[step], second[step]]), axis=0)
+        pairs |= {(int(i), int(j)) for i, j in np.unique(sides[:, sides[0] >= 0], axis=1).T}
     seams = []
     for pair in sorted(pairs):
         places = [canvas.place(layers[index]) for index in pair]

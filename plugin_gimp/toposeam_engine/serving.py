@@ -1,17 +1,18 @@
-"""``python -m toposeam_engine FOLDER``: the numerics for programs that cannot load them, like the GIMP
-plug-in.
+"""``python -m toposeam_engine FOLDER [OPERATION]``: the numerics for programs that cannot load them, like the
+GIMP plug-in.
 
 The folder belongs to one request and holds all of it: ``request.json``, the pixels in raw files beside it,
 and the results. The asker made it, put a nonce into a file called ``toposeam-request`` there, and writes
 the same nonce as the first line on stdin; any other folder is refused and left untouched. The engine speaks
 on stdout, one JSON object a line::
 
-    {"event": "hello", "protocol": 3, "version": "0.2.0"}
+    {"event": "hello", "protocol": 4, "version": "0.2.0"}
     {"event": "progress", "share": 0.25}
     {"event": "alive"}                                  every few seconds, so that silence means trouble
     {"event": "result", "result": {…}}                  or what went wrong:
     {"event": "error", "message": "what to do", "kind": "apart", "parameter": null, "data": {"name": "sky"}}
 
+With the name of an operation it loads what that needs before the nonce comes, while pixels are written.
 Called with ``-`` in place of a folder, and perhaps with what previews will be of, it loads its libraries and
 serves one request after another, as previews are: each is two lines on stdin, the folder's name and its
 nonce, and comes to one result or error.
@@ -39,7 +40,7 @@ from toposeam.sentence import as_told, printable
 from toposeam_engine.job import EngineJob
 
 #: Raised when requests or results change their meaning.
-PROTOCOL = 3
+PROTOCOL = 4
 #: The file with the nonce in a request's folder; the plug-in writes it.
 MARKER = "toposeam-request"
 _LONGEST_NONCE = 200
@@ -137,7 +138,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Serve one request, or all that come."""
     arguments = sys.argv[1:] if arguments is None else arguments
     waits = arguments[:1] == ["-"] and len(arguments) <= 2
-    if not waits and (len(arguments) != 1 or not Path(arguments[0]).is_dir()):
+    if not waits and (len(arguments) not in (1, 2) or not Path(arguments[0]).is_dir()):
         print("usage: python -m toposeam_engine FOLDER   (the GIMP plug-in calls it)", file=sys.stderr)  # noqa: T201
         return 2
     # What libraries print must not end up between the events.
@@ -147,7 +148,9 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         channel.send("hello", protocol=PROTOCOL, version=_version())
         if waits:
-            _load(arguments[1:])
+            _load_all()
+        for of in arguments[1:]:
+            import_module("toposeam_engine.rehearsing").rehearse(of)
     except Exception as error:
         channel.send("error", **told(error))
         return 1
@@ -161,12 +164,10 @@ def main(arguments: list[str] | None = None) -> int:
     return code
 
 
-def _load(wanted: list[str]) -> None:
+def _load_all() -> None:
     """Load all that requests may need, which takes longer than most previews."""
     for module in set(OPERATIONS.values()):
         import_module(f"toposeam_engine.{module}")
-    for of in wanted:
-        import_module("toposeam_engine.rehearsing").rehearse(of)
 
 
 def _answer(asker: Asker, channel: Channel, folder: Path, nonce: bytes | None) -> int:

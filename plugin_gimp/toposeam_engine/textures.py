@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -9,12 +10,17 @@ import numpy as np
 import numpy.typing as npt
 
 import toposeam as ts
-from toposeam.images import Image, Mask, full_scale
+from toposeam.images import Image, Mask, box_of, full_scale
 from toposeam_engine.job import EngineJob
 from toposeam_engine.layers import colours_of, place_of, with_alpha
 
 #: What is copied into a hole from around it comes from at least so near.
 _AROUND_PX = 48
+#: Of layers of more pixels a hole is filled from as far round it as a square as large as its bounding box has
+#: sides, and at least from so far, px.
+_LARGE, _LEAST_REACH = 1 << 20, 512
+
+Part = tuple[slice, slice]
 
 
 class Sample(NamedTuple):
@@ -59,42 +65,58 @@ def made_tileable(job: EngineJob) -> ts.Synthesis:
     )
 
 
+class Filled(NamedTuple):
+    """The part of a layer that a hole was filled from, after that and before; where it lies in the layer, and
+    what of it may be copied, None where that is all, or another layer.
+    """
+
+    image: Image
+    alpha: npt.NDArray[Any] | None
+    sample: Sample
+    box: Part
+    source: Mask | None
+
+
 def fill(job: EngineJob) -> dict[str, Any]:
     """Fill the selected part of a layer; the result is transparent where the layer stays unchanged."""
-    image, alpha, sample = filled(job)
+    image, alpha, sample, part, _source = filled(job)
     changed = (image != sample.image) if image.ndim == 2 else (image != sample.image).any(axis=2)
     changed |= np.asarray(sample.selected)
     if alpha is not None:
         changed &= alpha > 0
-    rows, columns = (np.flatnonzero(changed.any(axis=axis)) for axis in (1, 0))
-    box = np.s_[int(rows[0]) : int(rows[-1]) + 1, int(columns[0]) : int(columns[-1]) + 1]
+    box = box_of(changed)
     shown = np.broadcast_to(full_scale(image.dtype), changed.shape) if alpha is None else alpha
     raster = job.write(with_alpha(image[box], np.where(changed[box], shown[box], image.dtype.type(0))))
     x, y = place_of(job.request["layer"])
-    return {"picture": {**raster, "at": [x + int(columns[0]), y + int(rows[0])]}}
+    at = [x + part[1].start + box[1].start, y + part[0].start + box[0].start]
+    return {"picture": {**raster, "at": at}}
 
 
-def filled(job: EngineJob) -> tuple[Image, npt.NDArray[Any] | None, Sample]:
-    """Return the whole layer with its hole filled, its opacity, and the layer as it was.
+def filled(job: EngineJob) -> Filled:
+    """Fill the hole of a layer.
 
     What may be copied is asked for by the option ``from``: `layer`, `around` the selection, or `other`, the
     request's ``source``, which is another picture, or a mask that is white where the layer may be copied.
     """
-    sample, options = _sample(job), _usual(job.options, "patch", "overlap", "band")
-    if sample.selected is None or not sample.selected.any():
+    options = _usual(job.options, "patch", "overlap", "band")
+    where, hole = options.pop("from", "layer"), _selected(job)
+    if hole is None or not hole.any():
         raise ts.OptionError("nothing is selected; select what is to be replaced")
-    where, image, alpha, hole, source = (
-        options.pop("from", "layer"),
-        sample.image,
-        sample.alpha,
-        sample.selected,
-        None,
-    )
+    source: Mask | None = None
     if where == "around":
         source = _around(hole)
-    elif where == "other" and job.request["source"]["channels"] == 1:
+    elif where == "other" and job.request["source"].get("is_mask"):
         source = _white_of(job, hole.shape)
-    elif where == "other":
+    part = whole = slice(0, hole.shape[0]), slice(0, hole.shape[1])
+    if job.request["layer"].get("cut_from", hole.size) > _LARGE:
+        part = _surroundings(hole) if source is None else box_of(source | hole, _AROUND_PX)
+    sample = _sample(job, part)
+    if source is None and where == "layer" and part != whole and _scarce(sample):
+        part, sample = whole, _sample(job, whole)
+    image, alpha, hole = sample.image, sample.alpha, hole[part]
+    copied = source = None if source is None else source[part]
+    own = np.s_[: hole.shape[0], : hole.shape[1]]
+    if where == "other" and source is None:
         image, alpha, hole, source = _beside(sample, *colours_of(job, job.request["source"]))
     made = ts.fill(
         image,
@@ -105,9 +127,21 @@ def filled(job: EngineJob) -> tuple[Image, npt.NDArray[Any] | None, Sample]:
         progress=job.progress,
         **options,
     )
-    own = tuple(slice(length) for length in sample.selected.shape)
     shown = None if made.alpha is None or sample.alpha is None else made.alpha[own]
-    return made.image[own], shown, sample
+    return Filled(made.image[own], shown, sample, part, copied)
+
+
+def _surroundings(hole: Mask) -> Part:
+    """Return the part of a large layer that is looked at to fill a hole."""
+    height, width = (side.stop - side.start for side in box_of(hole))
+    return box_of(hole, max(_LEAST_REACH, math.isqrt(height * width)))
+
+
+def _scarce(sample: Sample) -> bool:
+    """Test whether there is less to copy than twice what is selected."""
+    hole = np.asarray(sample.selected)
+    there = ~hole if sample.alpha is None else ~hole & (sample.alpha > 0)
+    return int(np.count_nonzero(there)) < 2 * int(np.count_nonzero(hole))
 
 
 def _white_of(job: EngineJob, shape: tuple[int, ...]) -> Mask:
@@ -126,7 +160,7 @@ def _white_of(job: EngineJob, shape: tuple[int, ...]) -> Mask:
 
 
 def _beside(
-    sample: Sample, other: Image, opacity: npt.NDArray[Any]
+    sample: Sample, other: Image, opacity: npt.NDArray[Any] | None
 ) -> tuple[Image, npt.NDArray[Any], Mask, Mask]:
     """Return a picture that holds the sample and, to the right of it, another one; its opacity, the hole in
     it, and the other one's place in it, which may be copied.
@@ -138,16 +172,22 @@ def _beside(
     alpha, hole, source = np.zeros(shape, image.dtype), np.zeros(shape, bool), np.zeros(shape, bool)
     image[own], image[there] = sample.image, other
     alpha[own] = full_scale(image.dtype) if sample.alpha is None else sample.alpha
-    alpha[there], source[there] = opacity, True
+    alpha[there], source[there] = full_scale(image.dtype) if opacity is None else opacity, True
     hole[own] = np.asarray(sample.selected)
     return image, alpha, hole, source
 
 
-def _sample(job: EngineJob) -> Sample:
+def _sample(job: EngineJob, part: Part = np.s_[:, :]) -> Sample:
     image, alpha = colours_of(job, job.request["layer"])
-    image = np.array(image)
-    selected = None if job.request.get("selection") is None else job.read(job.request["selection"]) >= 128
-    return Sample(image, None if bool((alpha == full_scale(alpha.dtype)).all()) else alpha, selected)
+    selected = _selected(job)
+    if alpha is not None:
+        alpha = None if bool((alpha[part] == full_scale(alpha.dtype)).all()) else alpha[part]
+    return Sample(np.array(image[part]), alpha, None if selected is None else selected[part])
+
+
+def _selected(job: EngineJob) -> Mask | None:
+    """(H, W) bool on the layer: what is selected; None without a selection."""
+    return None if job.request.get("selection") is None else job.read(job.request["selection"]) >= 128
 
 
 def _around(selected: Mask) -> Mask:

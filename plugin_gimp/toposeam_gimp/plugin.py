@@ -9,7 +9,7 @@ from dataclasses import replace
 from importlib import import_module
 from typing import Any
 
-from gi.repository import Gimp, GLib, GObject
+from gi.repository import Gegl, Gimp, GLib, GObject
 
 from toposeam_gimp.engine.call import Call, GoneError
 from toposeam_gimp.engine.folder import FolderError, is_full
@@ -28,6 +28,8 @@ _SENSITIVE = {
     "nothing": Gimp.ProcedureSensitivityMask.ALWAYS,
 }
 _READ_WRITE = GObject.ParamFlags.READWRITE
+#: Pixels are read and written once, block by block; GEGL would keep far more bytes of them.
+_TILES_KEPT = 16 << 20
 
 
 class TopoSeam(Gimp.PlugIn):  # type: ignore[misc]
@@ -87,6 +89,7 @@ def _run(
     config: Gimp.ProcedureConfig,
     _data: Any,
 ) -> Gimp.ValueArray:
+    Gegl.config().set_property("tile-cache-size", _TILES_KEPT)
     entry = PROCEDURES[procedure.get_name()]
     interactive = run_mode == Gimp.RunMode.INTERACTIVE
     call = Call(

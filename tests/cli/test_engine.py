@@ -116,6 +116,23 @@ def test_masks_and_blended_pixels_compose_core_s_result(request_folder, pair, bl
 
 
 @pytest.mark.medium
+def test_strokes_for_one_layer_leave_the_other_free(request_folder, pair):
+    layers = [request_folder.raster("a", pair[0]), request_folder.raster("b", pair[1], (20, 5))]
+    strokes = np.zeros((4, 6, 4), np.uint8)
+    strokes[:] = (0, 0, 255, 255)
+    request = {
+        "layers": layers,
+        "shown": [None, None],
+        "hints": request_folder.raster("hints", strokes, (30, 12)),
+        "colours": [[0, 0, 255], [255, 0, 0]],
+        "seams": [],
+    }
+    result = result_of(request_folder.ask(operation="restitch", **request, options={"blend": "none"}))
+    seen = request_folder.seen(result["masks"], PLACES, (35, 60))
+    assert (seen[12:16, 30:36] == 0).all()
+    assert (seen == 1).any()
+
+
 def test_progress_rises_to_the_end(request_folder):
     rng = np.random.default_rng(0)
     layers = [

@@ -223,6 +223,30 @@ def test_a_rule_is_chosen_by_its_picture(screen, windowed, opened):
     assert json.loads(windowed.python(code=code, number=group))["repeat"] != "translate"
 
 
+def test_a_click_on_a_variant_of_a_fill_takes_it(screen, windowed, samples):
+    loaded = windowed.load(files=[str(samples / "still_life_left.png")])
+    code = """
+image_of(number).select_rectangle(Gimp.ChannelOps.REPLACE, 180, 120, 60, 90)
+Gimp.Display.new(image_of(number))
+"""
+    windowed.python(code=code, number=loaded["image"])
+    wanted = {}
+    for seed in (0, 2):
+        made = succeeded(windowed.run(procedure=FILL, **loaded, options={"seed": seed}))["layer"]
+        wanted[seed] = windowed.pixels(made, "R'G'B'A u8")[0].tobytes()
+        windowed.python(code="item(n).get_image().remove_layer(item(n))", n=made)
+    assert wanted[0] != wanted[2]
+    asked = Asked(windowed, FILL, loaded, loaded["layers"])
+    window = screen.window(title(FILL))
+    time.sleep(6)
+    screen.do("mousemove", "--window", window, 540, 170)
+    screen.do("click", "1")
+    time.sleep(1)
+    screen.press(window, "alt+o")
+    made = windowed.pixels(succeeded(asked.answer())["layer"], "R'G'B'A u8")[0]
+    assert made.tobytes() == wanted[2]
+
+
 @pytest.mark.slow
 def test_a_hole_is_filled_from_the_first_layer_in_the_list(screen, windowed, opened):
     select(windowed, opened)

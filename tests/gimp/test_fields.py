@@ -321,4 +321,4 @@ dialog._pane.close()
 dialog._dialog.destroy()
 """
     shown, whole = ask(FILL, code)
-    assert shown == whole - (140 - 48) < whole  # from 48 px before a selection of 40 px to the layer's end
+    assert shown == whole - (140 - 24) < whole  # from 24 px before a selection of 40 px to the layer's end

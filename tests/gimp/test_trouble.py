@@ -14,6 +14,9 @@ from inside import STITCH, refused, succeeded
 from pictures import photograph, write_png
 from running import Gimp, needs_gimp
 
+import toposeam as ts
+from toposeam_engine.serving import PROTOCOL
+
 needs_gimp()
 
 
@@ -43,7 +46,8 @@ def test_an_engine_of_another_release(gimp, engine, still_life):
 
 def test_an_engine_that_talks_nonsense_and_ends(gimp, engine, still_life):
     engine(
-        """echo '{"event": "hello", "protocol": 3, "version": "0.2.0"}'; echo nonsense; echo '[]'; exit 3"""
+        f"""echo '{{"event": "hello", "protocol": {PROTOCOL}, "version": "{ts.__version__}"}}'; """
+        "echo nonsense; echo '[]'; exit 3"
     )
     refused(gimp, still_life, "ended unexpectedly (code 3)")
 

@@ -10,7 +10,8 @@ import click
 from click.shell_completion import CompletionItem, get_completion_class
 
 from toposeam.sentence import sentence
-from toposeam_cli.app import shells
+from toposeam_cli.app import remedies, shells
+from toposeam_cli.app.command import HELP_WORDS
 from toposeam_cli.app.registry import COMMANDS, CONTEXT, load
 from toposeam_cli.files.interruption import terminations_raised
 
@@ -27,6 +28,25 @@ class Commands(click.Group):
         numerics load.
         """
         return load(cmd_name) if cmd_name in COMMANDS else super().get_command(ctx, cmd_name)
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse the words before the command; all are kept for :mod:`remedies`."""
+        ctx.meta[remedies.WORDS] = tuple(args)
+        if args and args[0] in HELP_WORDS:
+            args = ["--help", *args[1:]]
+        try:
+            return super().parse_args(ctx, args)
+        except click.NoSuchOption:
+            remedies.refuse_no_command(ctx, self.list_commands(ctx))
+            raise
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Return the command that the words begin with, and the words behind it."""
+        if self.get_command(ctx, args[0]) is None and not ctx.resilient_parsing:
+            remedies.refuse_no_command(ctx, self.list_commands(ctx))
+        return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the commands with their first lines, without importing any."""
@@ -71,7 +91,7 @@ class Commands(click.Group):
             click.echo("Interrupted; no file was left unfinished.", err=True)
             ctx.exit(130)
         except click.MissingParameter as error:  # which lists choices in lines of their own
-            text = " ".join(error.format_message().split())
+            text = remedies.of_missing(error) or " ".join(error.format_message().split())
             raise click.UsageError(text, ctx=error.ctx) from error
         except (click.ClickException, click.exceptions.Exit, click.Abort, BrokenPipeError):
             raise
@@ -94,7 +114,7 @@ def _never_fail_to_print() -> None:
 
 
 @click.group(cls=Commands, context_settings=CONTEXT)
-@click.version_option(package_name="toposeam", prog_name="toposeam")
+@click.version_option(None, "-V", "--version", package_name="toposeam", prog_name="toposeam")
 def main() -> None:
     """Join, grow and invent images along optimal seams."""
 

@@ -19,6 +19,7 @@ from click.core import ParameterSource
 
 import toposeam as ts
 from toposeam.errors import OptionError
+from toposeam_cli.app.command import option
 from toposeam_cli.files.regular import check_regular
 
 
@@ -38,6 +39,8 @@ class OffsetType(click.ParamType):  # type: ignore[type-arg]  # generic only sin
     """``X,Y`` in whole pixels; for clips ``T,X,Y``, T in frames."""
 
     name = "X,Y"
+    #: What stands between two numbers.
+    sign = ","
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
@@ -81,6 +84,9 @@ class LengthType(click.ParamType):  # type: ignore[type-arg]
 
 class PairType(click.ParamType):  # type: ignore[type-arg]
     """Two whole numbers ``AxB``, or one for both: WIDTHxHEIGHT, or COLUMNSxROWS of `cells`."""
+
+    #: What stands between two numbers.
+    sign = "x"
 
     def __init__(self, cells: bool = False) -> None:
         self._example = "columns and rows, like 6x4" if cells else "width and height, like 512x384"
@@ -271,20 +277,21 @@ def grouped(
             return command(**{name: taken(kind, given)}, **given)
 
         with_options: Callable[..., Any] = call
-        for option in reversed(options):
-            with_options = option(with_options)
+        for each in reversed(options):
+            with_options = each(with_options)
         return with_options
 
     return decorate
 
 
 #: What every command says alike.
-force_option = click.option("--force", is_flag=True, help="Replace existing files.")
-quiet_option = click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")
-jobs_option = click.option(
+force_option = option("--force", heading="Output", is_flag=True, help="Replace existing files.")
+quiet_option = option("-q", "--quiet", heading="Output", is_flag=True, help="Print nothing but errors.")
+jobs_option = option(
     "-j",
     "--jobs",
     "processes",
+    heading="Speed and memory",
     type=click.IntRange(min=1),
     default=1,
     show_default=True,
@@ -342,33 +349,48 @@ def refuse_besides(option: str, allowed: Collection[str], reason: str) -> None:
 
 #: Where two pictures lie, and what a seam between them costs.
 PLACEMENT: tuple[Callable[[Any], Any], ...] = (
-    click.option(
-        "--offset", type=OffsetType(), help="Where B's upper left corner lies in A, in px; may be negative."
+    option(
+        "--offset",
+        heading="Place",
+        type=OffsetType(),
+        help="Where B's upper left corner lies in A, in px; may be negative.",
     ),
-    click.option(
-        "--overlap", type=LengthType(), help="Instead of --offset: how far B overlaps A, in px or % of A."
+    option(
+        "--overlap",
+        heading="Place",
+        type=LengthType(),
+        help="Instead of --offset: how far B overlaps A, in px or % of A.",
     ),
-    click.option(
+    option(
         "--side",
+        heading="Place",
         type=click.Choice(ts.SIDES),
         help="With --overlap: the side of A on which B continues; right by default.",
     ),
-    click.option("--avoid", type=FILE, help="Image of the canvas's size; no seam touches its white pixels."),
-    click.option(
+    option(
+        "--avoid",
+        heading="Seam",
+        type=FILE,
+        help="Image of the canvas's size; no seam touches its white pixels.",
+    ),
+    option(
         "--cost",
         "law",
+        heading="Seam",
         type=click.Choice(ts.LAWS),
         help="What a seam avoids: what eyes notice (natural, the default), differences away from edges "
-        "(gradient, 2.4), differences of colour (colour, 3.22).",
+        "(gradient), differences of colour (colour).",
     ),
-    click.option(
+    option(
         "--core",
+        heading="Seam",
         type=FiniteRange(0, 1, min_open=True),
         help="For pictures inside others: the share of their depth, from the middle outwards, that must "
         "show; 0.5 inside a single one.",
     ),
-    click.option(
+    option(
         "--speck",
+        heading="Seam",
         type=click.IntRange(min=0),
         help="Pieces inside others need not show if they cannot show so many px; 64, or 0.05 % of a picture.",
     ),
@@ -377,14 +399,15 @@ PLACEMENT: tuple[Callable[[Any], Any], ...] = (
 
 def surface_cost_option(default: ts.Law) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Return the option of the match cost of surfaces in volumes and clips."""
-    return click.option(
+    return option(
         "--cost",
         "law",
+        heading="Seam",
         type=click.Choice(ts.LAWS),
         default=default,
         show_default=True,
-        help="What a surface avoids: what eyes notice (natural), differences of colour (colour, 3.22), or "
-        "those away from edges (gradient, 2.4).",
+        help="What a surface avoids: what eyes notice (natural), differences of colour (colour), or "
+        "those away from edges (gradient).",
     )
 
 
@@ -392,8 +415,9 @@ def placement(megapixels: float) -> Callable[[Callable[..., Any]], Callable[...,
     """Options that say which pictures overlap where, and how large they may be unless something else is
     said.
     """
-    limit = click.option(
+    limit = option(
         "--max-megapixels",
+        heading="Speed and memory",
         type=MEGAPIXELS,
         default=megapixels,
         show_default=True,
@@ -401,8 +425,8 @@ def placement(megapixels: float) -> Callable[[Callable[..., Any]], Callable[...,
     )
 
     def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
-        for option in reversed((*PLACEMENT, limit)):
-            command = option(command)
+        for each in reversed((*PLACEMENT, limit)):
+            command = each(command)
         return command
 
     return decorate

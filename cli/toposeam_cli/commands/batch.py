@@ -13,6 +13,7 @@ from typing import Any
 import click
 
 from toposeam.errors import OptionError, TopoSeamError
+from toposeam_cli.app.command import Command
 from toposeam_cli.app.options import FILE, force_option, is_input, is_output, jobs_option, quiet_option
 from toposeam_cli.app.progress import progress_bar
 from toposeam_cli.batch.entries import NAME, Entry, expand, parse_patterns, read_entries, to_words
@@ -26,7 +27,7 @@ from toposeam_cli.jobs.runner import Job, check, finished, run
 _MANNER = ("force", "quiet")
 
 
-@click.command(context_settings={"ignore_unknown_options": True})
+@click.command(cls=Command, context_settings={"ignore_unknown_options": True})
 @click.argument(
     "words",
     metavar="JOBS.toml | PATTERN... [OPTIONS OF THE COMMAND]",

@@ -18,6 +18,7 @@ import click
 import toposeam as ts
 from toposeam.motif.book import BESIDE, FINISH, SEASONS, book_recipe, choose
 from toposeam.motif.kinds import Kind
+from toposeam_cli.app.command import Command
 from toposeam_cli.app.options import FILE, FiniteRange, PaperLengthType, jobs_option, quiet_option
 from toposeam_cli.app.progress import progress_bar
 from toposeam_cli.files.interruption import Terminated
@@ -35,7 +36,7 @@ _FOLDERS = ("motifs", "swatches", "products")
 _PAGES = "pages"
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("themes", metavar="THEME...", type=FILE, nargs=-1, required=True)
 @click.option(
     "-n",

@@ -10,6 +10,7 @@ import click
 import numpy as np
 
 import toposeam as ts
+from toposeam_cli.app.command import Command
 from toposeam_cli.app.options import FILE, placement
 from toposeam_cli.app.terms import said
 from toposeam_cli.stitching.inputs import PlacedPictures, arrange, read_avoid
@@ -19,7 +20,7 @@ from toposeam_cli.stitching.positions import Where
 _COMPARED: tuple[ts.Method, ...] = tuple(method for method in ts.METHODS if method != "auto")
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("first", metavar="A", type=FILE)
 @click.argument("second", metavar="B", type=FILE)
 @placement(100.0)  # which it holds whole

@@ -8,6 +8,7 @@ import click
 
 import toposeam as ts
 from toposeam.sentence import counted
+from toposeam_cli.app.command import Command, option
 from toposeam_cli.app.options import FILE, OUTPUT
 from toposeam_cli.app.progress import share_bar
 from toposeam_cli.media.pictures.masks import read_white
@@ -22,38 +23,49 @@ from toposeam_cli.textures.options import (
 )
 
 
-@click.command()
+@click.command(
+    cls=Command, everyday=["output", "mask", "by", "patch", "level", "from", "avoid", "seed", "force"]
+)
 @click.argument("image", type=FILE)
-@click.option(
+@option(
     "--mask",
+    heading="Hole",
     type=FILE,
     required=True,
     help="A picture of the same size, white where the picture is to be replaced.",
 )
-@click.option(
-    "-o", "--output", type=OUTPUT, required=True, help="The filled picture: .png, .tif, .jpg or .webp."
+@option(
+    "-o",
+    "--output",
+    heading="Output",
+    type=OUTPUT,
+    required=True,
+    help="The filled picture: .png, .tif, .jpg or .webp.",
 )
 @patch_options
-@click.option(
+@option(
     "--band",
+    heading="Hole",
     type=int,
     help="Width of the band round the hole that may change too, px; by default the overlap, with shifts 8.",
 )
-@click.option(
+@option(
     "--by",
+    heading="Hole",
     type=click.Choice(ts.BYS),
     default="auto",
     show_default=True,
     help="Continue a texture by patches, or stitch a photograph from shifted copies of itself.",
 )
-@click.option(
+@option(
     "--level/--no-level",
+    heading="Light",
     default=True,
     show_default=True,
     help="Level shifted copies so that light runs on; not for normals, heights or masks.",
 )
-@click.option("--from", "source", type=FILE, help="Copy only from where this picture is white.")
-@click.option("--avoid", type=FILE, help="Copy nothing from where this picture is white.")
+@option("--from", "source", heading="Hole", type=FILE, help="Copy only from where this picture is white.")
+@option("--avoid", heading="Hole", type=FILE, help="Copy nothing from where this picture is white.")
 @search_options
 @result_options
 def fill(

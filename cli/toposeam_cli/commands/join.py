@@ -12,6 +12,7 @@ import numpy as np
 
 import toposeam as ts
 from toposeam.motif.ink.printing import MAX_PATTERN
+from toposeam_cli.app.command import Command, option
 from toposeam_cli.app.options import FILE, OUTPUT, FiniteRange, PairType, force_option, quiet_option
 from toposeam_cli.app.progress import share_bar
 from toposeam_cli.files.writing import check_output
@@ -20,46 +21,70 @@ from toposeam_cli.motifs.printing import SUFFIXES, ink_names
 from toposeam_cli.motifs.recipe_files import read_recipe
 
 
-@click.command()
+@click.command(
+    cls=Command, everyday=["output", "sheet", "grid", "stages", "weight", "seed", "motif-width", "force"]
+)
 @click.argument("files", metavar="MOTIF MOTIF...", type=FILE, nargs=-1, required=True)
-@click.option("-o", "--output", type=OUTPUT, required=True, help="The pattern: .png, .tif or .svg.")
-@click.option(
+@option(
+    "-o", "--output", heading="Output", type=OUTPUT, required=True, help="The pattern: .png, .tif or .svg."
+)
+@option(
     "--sheet",
+    heading="Arrangement",
     type=PairType(cells=True),
     default="6x6",
     show_default=True,
     help="Columns and rows, motifs chosen at random.",
 )
-@click.option(
+@option(
     "--grid",
+    heading="Arrangement",
     help="Instead of --sheet: which motif goes where, like '1 2 1 / 2 1 2'; stages count on between.",
 )
-@click.option(
+@option(
     "--weight",
+    heading="Motifs",
     type=FiniteRange(0, 1),
     default=0.5,
     show_default=True,
-    help="How much the motifs care for each other, w in (4.10).",
+    help="How much the motifs care for each other.",
 )
-@click.option(
+@option(
     "--stages",
+    heading="Arrangement",
     type=click.IntRange(1, 5),
     default=2,
     show_default=True,
     help="From 2 on new motifs are put between neighbours.",
 )
-@click.option(
-    "--between", type=click.IntRange(1, 5), default=1, show_default=True, help="How many of them between two."
+@option(
+    "--between",
+    heading="Arrangement",
+    type=click.IntRange(1, 5),
+    default=1,
+    show_default=True,
+    help="How many of them between two.",
 )
-@click.option(
-    "--reach", type=click.IntRange(1), help="Random neighbours are at most so far apart in the row of motifs."
+@option(
+    "--reach",
+    heading="Arrangement",
+    type=click.IntRange(1),
+    help="Random neighbours are at most so far apart in the row of motifs.",
 )
-@click.option(
-    "--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the random arrangement."
+@option(
+    "--seed",
+    heading="Arrangement",
+    type=click.IntRange(0),
+    default=0,
+    show_default=True,
+    help="Of the random arrangement.",
 )
-@click.option("--motif-pixels", type=PairType(), help="Size of one motif in px, WIDTHxHEIGHT.")
-@click.option(
+@option(
+    "--motif-pixels", heading="Arrangement", type=PairType(), help="Size of one motif in px, WIDTHxHEIGHT."
+)
+@option(
     "--shared",
+    heading="Motifs",
     type=click.IntRange(0, 100),
     help="Elements along the border that all motifs have alike; 0 is the thesis's way.  [default: 3 % of the "
     "motif]",

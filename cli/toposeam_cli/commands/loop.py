@@ -12,6 +12,7 @@ import click
 
 import toposeam as ts
 from toposeam.sentence import counted
+from toposeam_cli.app.command import Command, option
 from toposeam_cli.app.options import (
     FILE,
     OUTPUT,
@@ -55,53 +56,78 @@ class DurationType(click.ParamType):  # type: ignore[type-arg]
         return Duration(float(match[1]), seconds)
 
 
-@click.command()
+@click.command(
+    cls=Command, everyday=["output", "length", "from", "to", "scale", "transition", "level", "force"]
+)
 @click.argument("clip", type=FILE)
-@click.option(
+@option(
     "-o",
     "--output",
+    heading="Output",
     type=OUTPUT,
     required=True,
     help="The loop: .mp4, .mov, .mkv, .webm, .gif, .webp, .png (APNG), or a folder for frames.",
 )
-@click.option("--from", "first", type=DurationType(), help="Read the clip from there on.")
-@click.option("--to", "last", type=DurationType(), help="Read the clip up to there.")
-@click.option(
+@option("--from", "first", heading="Clip", type=DurationType(), help="Read the clip from there on.")
+@option("--to", "last", heading="Clip", type=DurationType(), help="Read the clip up to there.")
+@option(
     "--scale",
+    heading="Clip",
     type=FiniteRange(0, 1, min_open=True),
     default=1.0,
     show_default=True,
     help="Read the clip at this share of its width and height.",
 )
-@click.option("--length", type=DurationType(ranges=True), help="How long the loop is; found by default.")
-@click.option("--start", type=DurationType(), help="Where in the clip it begins; found by default.")
-@click.option(
+@option(
+    "--length", heading="Loop", type=DurationType(ranges=True), help="How long the loop is; found by default."
+)
+@option("--start", heading="Loop", type=DurationType(), help="Where in the clip it begins; found by default.")
+@option(
     "--transition",
+    heading="Loop",
     type=DurationType(),
     help="Within how long pixels change over; a quarter of the clip by default, 24 frames at most.",
 )
-@click.option(
-    "--grow", type=DurationType(), help="A longer clip: at least this long, by jumps back and forth."
+@option(
+    "--grow",
+    heading="Loop",
+    type=DurationType(),
+    help="A longer clip: at least this long, by jumps back and forth.",
 )
-@click.option(
+@option(
     "--level/--no-level",
+    heading="Loop",
     default=None,
     help="Even out what shows of the change, of light and of soft forms, or never: pixels then keep their "
     "values no more, but nothing is blended. By default where it would show else.",
 )
-@click.option("--still", type=FILE, help="A picture of the frames' size, white where nothing shall move.")
-@click.option("--fps", type=FiniteRange(0.01, 1000), help="Read the clip at so many frames a second.")
-@click.option("--seed", type=int, default=0, show_default=True, help="Of --grow: decides the order.")
+@option(
+    "--still",
+    heading="Clip",
+    type=FILE,
+    help="A picture of the frames' size, white where nothing shall move.",
+)
+@option(
+    "--fps", heading="Clip", type=FiniteRange(0.01, 1000), help="Read the clip at so many frames a second."
+)
+@option(
+    "--seed", heading="Loop", type=int, default=0, show_default=True, help="Of --grow: decides the order."
+)
 @surface_cost_option("gradient")
-@click.option("--mesh", type=OUTPUT, help="Also write the surface in x, y and time: .ply or .stl.")
-@click.option(
+@option(
+    "--mesh", heading="Output", type=OUTPUT, help="Also write the surface in x, y and time: .ply or .stl."
+)
+@option(
     "--max-megapixels",
+    heading="Speed and memory",
     type=FiniteRange(min=0, min_open=True),
     default=500.0,
     show_default=True,
     help="Refuse clips with more pixels in all their frames.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print what was made, and the verdict, as JSON.")
+@option(
+    "--json", "as_json", heading="Output", is_flag=True, help="Print what was made, and the verdict, as JSON."
+)
 @force_option
 @quiet_option
 def loop(clip: Path, output: Path, **given: Any) -> None:

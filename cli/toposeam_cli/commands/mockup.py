@@ -10,6 +10,7 @@ import numpy as np
 import toposeam as ts
 from toposeam.motif.ink.stroke_edges import EDGES
 from toposeam.motif.symmetry.tiling import period, tile
+from toposeam_cli.app.command import Command
 from toposeam_cli.app.options import FILE, OUTPUT, FiniteRange, PaperLengthType, force_option, quiet_option
 from toposeam_cli.files.writing import check_output
 from toposeam_cli.media.pictures.colour import to_depth, widen
@@ -22,7 +23,7 @@ from toposeam_cli.motifs.products import product as product_named
 from toposeam_cli.motifs.recipe_files import read_settings
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("motif", type=FILE)
 @click.option(
     "--on",

@@ -11,6 +11,7 @@ import click
 
 import toposeam as ts
 from toposeam.motif.ink.palettes import Palette
+from toposeam_cli.app.command import Command, option
 from toposeam_cli.app.options import OUTPUT, PairType, force_option, quiet_option
 from toposeam_cli.app.progress import share_bar
 from toposeam_cli.files.writing import atomic_write, check_output, replacing
@@ -51,37 +52,65 @@ _OF_LAYERS = ("mass", "penalty", "ambient")
 _PAGES = (".html", ".htm")
 
 
-@click.command()
-@click.option("-o", "--output", type=OUTPUT, help="The motif: .png, .tif or .svg.")
+@click.command(
+    cls=Command,
+    everyday=[
+        "output",
+        "repeat",
+        "layers",
+        "palette",
+        "seed",
+        "size",
+        "base",
+        "like",
+        "sheet",
+        "motif-width",
+        "force",
+    ],
+)
+@option("-o", "--output", heading="Output", type=OUTPUT, help="The motif: .png, .tif or .svg.")
 @recipe_options
-@click.option(
+@option(
     "--edge",
+    heading="Print",
     help="How strokes end in print: crisp, ink (shaded inside) or soft; one, or one per layer.",
 )
 @beginning_options
-@click.option("--sheet", type=PairType(cells=True), help="Write COLUMNSxROWS motifs instead of one.")
-@click.option(
+@option(
+    "--sheet", heading="Print", type=PairType(cells=True), help="Write COLUMNSxROWS motifs instead of one."
+)
+@option(
     "--pixels",
+    heading="Print",
     type=PairType(),
     help="Size of the whole picture in px, WIDTHxHEIGHT; the columns of --sheet fill its width.",
 )
 @print_options
-@click.option(
-    "--spot-names", help="What the inks are called in separations and layers: 'PANTONE 300 C,Black 6 C'."
+@option(
+    "--spot-names",
+    heading="Print",
+    help="What the inks are called in separations and layers: 'PANTONE 300 C,Black 6 C'.",
 )
-@click.option(
+@option(
     "--explore",
+    heading="Output",
     type=PairType(cells=True),
     help="A page of COLUMNSxROWS relatives to choose from, as .html; with --from, --like or --config of that "
     "one.",
 )
-@click.option(
+@option(
     "--depth",
+    heading="Output",
     type=click.IntRange(8, 512),
     help="Let heat take its ways in a block of this many elements' height, and write the mesh: .stl or .ply.",
 )
-@click.option("--palettes", is_flag=True, help="Print the palettes that have a name.")
-@click.option("--show-recipe", is_flag=True, help="Print the recipe as TOML; without -o nothing is made.")
+@option("--palettes", heading="Output", is_flag=True, help="Print the palettes that have a name.")
+@option(
+    "--show-recipe",
+    heading="Output",
+    is_flag=True,
+    help="Print the recipe as TOML; without -o nothing is made.",
+)
 @force_option
 @quiet_option
 def motif(

@@ -8,6 +8,7 @@ import click
 import numpy as np
 
 import toposeam as ts
+from toposeam_cli.app.command import Command
 from toposeam_cli.app.options import FILE, OUTPUT, FiniteRange, OffsetType, force_option, quiet_option
 from toposeam_cli.app.progress import share_bar
 from toposeam_cli.files.writing import atomic_write, check_output
@@ -20,7 +21,7 @@ _MAX_PIXELS = 4_000_000
 _SUFFIXES = (".svg", ".png", ".tif", ".tiff", ".jpg", ".jpeg", ".webp")
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("ground", metavar="MAP", type=FILE)
 @click.option(
     "--from",

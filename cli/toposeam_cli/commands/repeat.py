@@ -13,6 +13,7 @@ import toposeam as ts
 from toposeam.motif.ink.printing import MAX_PATTERN
 from toposeam.motif.symmetry.kaleidoscope import GROUPS
 from toposeam.motif.symmetry.tiling import tile
+from toposeam_cli.app.command import Command
 from toposeam_cli.app.options import FILE, OUTPUT, OffsetType, PairType, force_option, quiet_option
 from toposeam_cli.app.progress import share_bar
 from toposeam_cli.files.writing import check_output
@@ -31,7 +32,7 @@ from toposeam_cli.motifs.printing import SUFFIXES, Print, describe, ink_names, s
 from toposeam_cli.motifs.recipe_files import read_recipe, read_settings, to_xmp
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("picture", metavar="MOTIF", type=FILE)
 @click.argument("counts", metavar="COLUMNSxROWS", type=PairType(cells=True))
 @click.option(

@@ -19,6 +19,7 @@ from toposeam.layers.composite.stitch import stitched as ts_stitched
 from toposeam.layers.labelling.posing import check_pairs
 from toposeam.layers.search.options import Effort
 from toposeam.seam.result.drawing import draw_seams
+from toposeam_cli.app.command import Command, option
 from toposeam_cli.app.options import (
     FILE,
     OUTPUT,
@@ -63,166 +64,232 @@ from toposeam_cli.stitching.search_options import (
 from toposeam_cli.stitching.windowed_output import describe_totals, make, summary_of_large, write_large
 
 
-@click.command()
+@click.command(
+    cls=Command,
+    everyday=[
+        "output",
+        "overlap",
+        "offset",
+        "align",
+        "save-layout",
+        "avoid",
+        "blend",
+        "match-tones",
+        "crop",
+        "force",
+    ],
+)
 @click.argument("first", metavar="A", type=FILE)
 @click.argument("second", metavar="[B]", type=FILE, required=False)
 @click.argument("others", metavar="[C]...", type=FILE, nargs=-1)
-@click.option(
+@option(
     "-o",
     "--output",
+    heading="Output",
     type=OUTPUT,
     required=True,
     help="The joined picture: .png, .tif, .jpg, .webp or .dzi; .ora keeps the layers.",
 )
-@click.option(
+@option(
     "--at",
+    heading="Place",
     type=OffsetType(),
     multiple=True,
     help="Where a picture's upper left corner lies; once for each, in their order.",
 )
-@click.option(
+@option(
     "--grid",
+    heading="Place",
     type=PairType(cells=True),
     help="With --overlap: the pictures follow each other row by row in so many columns and rows.",
 )
-@click.option("--row", is_flag=True, help="With --overlap: the pictures continue to the right.")
-@click.option("--column", is_flag=True, help="With --overlap: the pictures continue downwards.")
-@click.option(
+@option("--row", heading="Place", is_flag=True, help="With --overlap: the pictures continue to the right.")
+@option("--column", heading="Place", is_flag=True, help="With --overlap: the pictures continue downwards.")
+@option(
     "--order",
+    heading="Place",
     type=click.Choice(ORDERS),
     help="With --grid: how the pictures follow each other; rows by default.",
 )
 @placement(500.0)
 @finding_options
-@click.option(
+@option(
     "--save-layout",
+    heading="Output",
     type=OUTPUT,
     help="Also write where the pictures lie, as a layout (.toml) to give instead, or for Hugin (.pto).",
 )
-@click.option(
+@option(
     "--report",
+    heading="Output",
     type=OUTPUT,
     help="Also write a page (.html): the picture with its seams, before and after, what each seam costs.",
 )
-@click.option("--skip-bad", is_flag=True, help="Leave out pictures that cannot be read, and name them.")
-@click.option(
-    "--align", is_flag=True, help="Move the pictures from about where they belong to where they agree."
+@option(
+    "--skip-bad",
+    heading="Output",
+    is_flag=True,
+    help="Leave out pictures that cannot be read, and name them.",
 )
-@click.option(
+@option(
+    "--align",
+    heading="Place",
+    is_flag=True,
+    help="Move the pictures from about where they belong to where they agree.",
+)
+@option(
     "--align-radius",
+    heading="Place",
     type=click.IntRange(min=1),
     help="With --align: how many px they may be off; 32 by default.",
 )
-@click.option(
+@option(
     "--mask-for",
     "masks",
+    heading="Seam",
     type=KeyedFile(needed=True),
     multiple=True,
     help="Picture (number from 0, or name) = where it may show: white.",
 )
-@click.option(
+@option(
     "--keep",
     "keeps",
+    heading="Seam",
     metavar="N=FILE",
     type=KeyedFile(needed=True),
     multiple=True,
     help="Where nothing but picture N may show: white.",
 )
-@click.option(
+@option(
     "--method",
+    heading="Seam",
     type=click.Choice(ts.METHODS),
     default="auto",
     show_default=True,
     help="How seams are found; auto takes the exact solver that is fastest.",
 )
-@click.option(
+@option(
     "--effort",
+    heading="Seam",
     type=click.Choice(get_args(Effort)),
     help="Of the search for more than two pictures: fast by default up to 12, from there on best, which "
     "takes 2 to 4 times as long.",
 )
-@click.option(
+@option(
     "--formulation",
+    heading="Seam",
     type=click.IntRange(1, 2),
     help="With --method thesis: 1 (default), or 2 (unstable, see the docs).",
 )
-@click.option(
-    "--plain", is_flag=True, help="With --method thesis: its algorithms as they are written, without ours."
+@option(
+    "--plain",
+    heading="Seam",
+    is_flag=True,
+    help="With --method thesis: its algorithms as they are written, without ours.",
 )
-@click.option(
+@option(
     "--match-tones/--no-match-tones",
+    heading="Tones and blend",
     default=None,
     help="First take exposure steps out: one gain per picture and channel.",
 )
-@click.option(
+@option(
     "--match-shading/--no-match-shading",
+    heading="Tones and blend",
     default=None,
     help="The same, and that lenses darken towards the corners: a smooth gain field per picture.",
 )
-@click.option(
+@option(
     "--blend",
+    heading="Tones and blend",
     type=click.Choice(ts.BLENDS),
     help="What happens across the seams; multiband for photographs, else none.",
 )
-@click.option(
+@option(
     "--blend-width",
+    heading="Tones and blend",
     type=FiniteRange(min=0, min_open=True),
     help="With --blend feather, multiband, gradient: over how many px.",
 )
-@click.option(
+@option(
     "--give",
+    heading="Seam",
     type=click.IntRange(1, MOST),
     metavar="PX",
     help="Bend the pictures by up to PX pixels until what crosses a seam goes on behind it; for what stood "
     "near the camera.",
 )
-@click.option(
+@option(
     "--wrap",
+    heading="Place",
     type=click.IntRange(min=0),
     is_flag=False,
     flag_value=0,
     help="A panorama that goes all the way round: its width in px, or as Hugin's nona wrote it.",
 )
-@click.option(
-    "--seam", type=OUTPUT, help="Also write the seams as SVG; edit them and give them back with --use-seam."
+@option(
+    "--seam",
+    heading="Output",
+    type=OUTPUT,
+    help="Also write the seams as SVG; edit them and give them back with --use-seam.",
 )
-@click.option(
+@option(
     "--use-seam",
+    heading="Seam",
     metavar="[N:M=]FILE",
     type=KeyedFile(needed=False),
     multiple=True,
     help="Join along the paths of this SVG instead of searching; 0:1=FILE for one pair of many.",
 )
-@click.option(
+@option(
     "--crop",
+    heading="Output",
     type=click.Choice(["inside", "outside"]),
     help="The largest rectangle without holes, or all of it; inside for formats without transparency.",
 )
-@click.option(
+@option(
     "--fill-edges",
+    heading="Output",
     type=click.IntRange(1, 1000),
     metavar="PX",
     help="Crop to what lies within PX pixels of the pictures, and fill there what none of them shows.",
 )
-@click.option("--background", metavar="COLOUR", help="Fill holes with a colour, like white or #20304a.")
-@click.option("--quality", type=click.IntRange(1, 100), help="Of .jpg; 95 by default.")
-@click.option("--compression", type=click.Choice(COMPRESSIONS), help="Of .tif; deflate by default.")
-@click.option("--pyramid", is_flag=True, help="Write .tif in tiles and at every size; .dzi always is.")
-@click.option(
+@option(
+    "--background",
+    heading="Output",
+    metavar="COLOUR",
+    help="Fill holes with a colour, like white or #20304a.",
+)
+@option("--quality", heading="Output", type=click.IntRange(1, 100), help="Of .jpg; 95 by default.")
+@option(
+    "--compression", heading="Output", type=click.Choice(COMPRESSIONS), help="Of .tif; deflate by default."
+)
+@option(
+    "--pyramid", heading="Output", is_flag=True, help="Write .tif in tiles and at every size; .dzi always is."
+)
+@option(
     "--labels",
+    heading="Output",
     type=OUTPUT,
     help="Also write who shows where: black for A, white for the last, grays between.",
 )
-@click.option("--overlay", type=OUTPUT, help="Also write the joined picture with the seams drawn over it.")
-@click.option(
+@option(
+    "--overlay",
+    heading="Output",
+    type=OUTPUT,
+    help="Also write the joined picture with the seams drawn over it.",
+)
+@option(
     "--history",
+    heading="Output",
     type=OUTPUT,
     help="For two pictures: find the seam by heat, and also write how it converged: a figure (.png, .svg, "
     ".pdf), or an animation (.gif, .webp).",
 )
-@click.option(
+@option(
     "--json",
     "as_json",
+    heading="Output",
     is_flag=True,
     help="Print costs, optima, ratios, stages, iterations and seconds as JSON.",
 )
@@ -378,9 +445,7 @@ def _stitch(
     elif is_read(out.quiet):
         two = len(job.layers) == 2
         told = describe(stitched.seams[0], at) if two else describe_totals(composed, at=at)
-        report = told_of(
-            out.output, finished.image.shape, told, at, job.shape, job.layers, job.placement, aligned
-        )
+        report = told_of(out, finished.image.shape, told, at, job.shape, job.layers, job.placement, aligned)
         if find.give:
             report += f", bent by up to {composed.bent:.1f} px" if composed.bent else ", bent nowhere"
         if written.filled:
@@ -446,7 +511,7 @@ def _stitch_large(
         elif is_read(out.quiet):
             told = describe_totals(composed, means.workers, large.at)
             report = told_of(
-                out.output,
+                out,
                 large.picture.pixels.shape,
                 told,
                 large.at,

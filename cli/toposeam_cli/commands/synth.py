@@ -15,6 +15,7 @@ import numpy as np
 import toposeam as ts
 from toposeam.images import full_scale
 from toposeam.sentence import counted
+from toposeam_cli.app.command import Command, option
 from toposeam_cli.app.options import (
     FILE,
     OUTPUT,
@@ -69,19 +70,22 @@ class Guided:
 
 
 _GUIDE = (
-    click.option(
+    option(
         "--guide",
+        heading="Texture",
         type=FILE,
         help="What the texture should look like, a picture of its size; needs --guide-source.",
     ),
-    click.option(
+    option(
         "--guide-source",
+        heading="Texture",
         type=FILE,
         multiple=True,
         help="What the source looks like in the guide's terms; once per source.",
     ),
-    click.option(
+    option(
         "--guide-weight",
+        heading="Texture",
         type=FiniteRange(0, 1),
         default=0.5,
         show_default=True,
@@ -90,75 +94,98 @@ _GUIDE = (
 )
 
 
-@click.command()
+@click.command(
+    cls=Command,
+    everyday=["output", "size", "tileable", "seed", "normal", "patch", "variation", "seams", "force"],
+)
 @click.argument("sources", metavar="SOURCE...", type=FILE, nargs=-1, required=True)
-@click.option(
+@option(
     "--size",
+    heading="Texture",
     type=TextureSizeType(),
     help="Width and height of the texture, px; one number for a square; auto, or auto: and a size: the "
     "nearest one on which bricks, threads or lines close without being stretched.",
 )
-@click.option("-o", "--output", type=OUTPUT, required=True, help="The texture: .png, .tif, .jpg or .webp.")
+@option(
+    "-o",
+    "--output",
+    heading="Output",
+    type=OUTPUT,
+    required=True,
+    help="The texture: .png, .tif, .jpg or .webp.",
+)
 @patch_options
-@click.option(
+@option(
     "--tileable",
+    heading="Texture",
     type=click.Choice(ts.TILEABLE),
     default="none",
     show_default=True,
     help="The axes along which the texture repeats.",
 )
-@click.option(
+@option(
     "--turns",
+    heading="Texture",
     type=click.Choice(ts.TURNS),
     default="none",
     show_default=True,
     help="Also take patches mirrored left to right, turned by quarters, or both; not with --normal.",
 )
-@click.option(
+@option(
     "--variation",
+    heading="Texture",
     type=FiniteRange(0, 1),
     help="From 0, patches that fit best and repeat, to 1, all of SOURCE equally often; 0.5 is usual. Instead "
     "of --tolerance, --candidates, --most and --variety.",
 )
-@click.option(
+@option(
     "--from",
     "source",
+    heading="Texture",
     type=FILE,
     multiple=True,
     help="Copy only from where this picture is white; once per SOURCE.",
 )
-@click.option(
+@option(
     "--shares",
+    heading="Texture",
     type=WeightsType(),
     help="On how much of the texture each SOURCE shows, like 3,1; by default wherever it fits best.",
 )
-@click.option(
+@option(
     "--transparent",
+    heading="Texture",
     is_flag=True,
     help="Opacity is part of the texture, as of lace or scattered leaves: holes are grown along.",
 )
-@click.option(
-    "--preview", type=OUTPUT, help="Also write the texture while it grows, at most 512 px a side, to look at."
+@option(
+    "--preview",
+    heading="Output",
+    type=OUTPUT,
+    help="Also write the texture while it grows, at most 512 px a side, to look at.",
 )
-@click.option("--flatten", is_flag=True, help="Take slow light out of SOURCE first.")
-@click.option(
+@option("--flatten", heading="Light", is_flag=True, help="Take slow light out of SOURCE first.")
+@option(
     "--level/--no-level",
+    heading="Light",
     default=None,
     help="Level light between patches; by default where SOURCE has slow light or is fibres, and where it is "
     "smooth steps at seams are eased. Not for normals or heights.",
 )
-@click.option(
+@option(
     "-j",
     "--jobs",
     "processes",
+    heading="Speed and memory",
     type=click.IntRange(1, 1024),
     default=1,
     show_default=True,
     help="How many processes work on it; it looks the same for any number. Windows and macOS have one.",
 )
 @grouped("guided", Guided, _GUIDE)
-@click.option(
+@option(
     "--use-coordinates",
+    heading="Texture",
     type=FILE,
     help="Cut SOURCE as another texture was cut: what its --coordinates wrote.",
 )

@@ -10,6 +10,7 @@ import click
 
 import toposeam as ts
 from toposeam.sentence import counted
+from toposeam_cli.app.command import Command, option
 from toposeam_cli.app.options import FILE, OUTPUT
 from toposeam_cli.app.progress import share_bar
 from toposeam_cli.media.pictures.picture import Picture
@@ -23,40 +24,52 @@ from toposeam_cli.textures.options import (
 )
 
 
-@click.command()
-@click.argument("image", type=FILE)
-@click.option(
-    "-o", "--output", type=OUTPUT, required=True, help="The picture that repeats: .png, .tif, .jpg or .webp."
+@click.command(
+    cls=Command,
+    everyday=["output", "tileable", "band", "size", "level", "preview", "normal", "seams", "force"],
 )
-@click.option(
+@click.argument("image", type=FILE)
+@option(
+    "-o",
+    "--output",
+    heading="Output",
+    type=OUTPUT,
+    required=True,
+    help="The picture that repeats: .png, .tif, .jpg or .webp.",
+)
+@option(
     "--band",
+    heading="Texture",
     type=int,
     help="How many px along each border may change; by default an eighth of the shorter side, 48 at most, or "
     "more where elements are larger.",
 )
-@click.option(
+@option(
     "--tileable",
+    heading="Texture",
     type=click.Choice([name for name in ts.TILEABLE if name != "none"]),
     default="both",
     show_default=True,
     help="The axes to repeat on.",
 )
-@click.option(
+@option(
     "--size",
+    heading="Texture",
     type=click.Choice(["auto", "keep"]),
     default="auto",
     show_default=True,
     help="auto: where an order is seen, crop to the largest size on which bricks, threads or lines close "
     "without being stretched; keep: never.",
 )
-@click.option("--flatten", is_flag=True, help="Take slow light out of IMAGE first.")
-@click.option(
+@option("--flatten", heading="Light", is_flag=True, help="Take slow light out of IMAGE first.")
+@option(
     "--level/--no-level",
+    heading="Light",
     default=False,
     show_default=True,
     help="Take out the light by which opposite borders differ. Not for pictures of normals or heights.",
 )
-@click.option("--preview", type=OUTPUT, help="Also write the picture repeated 3 × 3.")
+@option("--preview", heading="Output", type=OUTPUT, help="Also write the picture repeated 3 × 3.")
 @search_options
 @result_options
 def tile(

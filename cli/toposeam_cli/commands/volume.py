@@ -11,6 +11,7 @@ import click
 import numpy as np
 
 import toposeam as ts
+from toposeam_cli.app.command import Command
 from toposeam_cli.app.options import (
     FILE,
     OUTPUT,
@@ -51,7 +52,7 @@ class TripleType(click.ParamType):  # type: ignore[type-arg]
         return tuple((int if self._whole else float)(word) for word in match.groups())
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("a", type=FILE)
 @click.argument("b", type=FILE)
 @click.option(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 import os
 import stat
 from pathlib import Path
@@ -30,6 +31,21 @@ def check_regular(path: Path, what: str = "it", *, folders: bool = True) -> None
         return
     if not (stat.S_ISREG(mode) or (folders and stat.S_ISDIR(mode))):
         raise OptionError(f"'{path}' is not a regular file; save {what} to disk, and name that")
+
+
+def check_pattern(path: Path) -> None:
+    """Refuse a pattern of files, which is there because the shell found none for it, or left it alone.
+
+    Raises
+    ------
+    OptionError
+    """
+    pattern = str(path)
+    if not set("*?") & set(pattern) or path.exists():
+        return
+    if glob.glob(pattern):  # noqa: PTH207 - patterns may be absolute
+        raise OptionError(f"'{pattern}' is in quotes, so that the shell leaves it alone; take them away")
+    raise OptionError(f"no file matches '{pattern}'; check its folder and spelling")
 
 
 def check_regular_below(folder: Path, what: str) -> None:

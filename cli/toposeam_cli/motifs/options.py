@@ -11,6 +11,7 @@ from typing import Any
 import click
 
 from toposeam.motif.recipe.recipe import LAWS
+from toposeam_cli.app.command import option
 from toposeam_cli.app.options import FILE, FiniteRange, NumbersType, PairType, grouped
 from toposeam_cli.motifs.print_options import RepeatType
 
@@ -56,93 +57,137 @@ class Beginning:
 
 
 _RECIPE: tuple[Callable[[Any], Any], ...] = (
-    click.option(
-        "--size", type=PairType(), help="Elements of one motif: N, or WIDTHxHEIGHT.  [default: 256]"
+    option(
+        "--size",
+        heading="Motif",
+        type=PairType(),
+        help="Elements of one motif: N, or WIDTHxHEIGHT.  [default: 256]",
     ),
-    click.option("--layers", type=click.IntRange(1, 16), help="Number of inks.  [default: 3]"),
-    click.option(
+    option("--layers", heading="Motif", type=click.IntRange(1, 16), help="Number of inks.  [default: 3]"),
+    option(
         "--repeat",
+        heading="Motif",
         type=RepeatType(),
         help="The rule it repeats by; also 'drop 1/3', 'brick 1/4'.  [default: translate]",
     ),
-    click.option(
-        "--seed", type=click.IntRange(0), help="Everything that is not given follows from it.  [default: 0]"
+    option(
+        "--seed",
+        heading="Motif",
+        type=click.IntRange(0),
+        help="Everything that is not given follows from it.  [default: 0]",
     ),
-    click.option(
-        "--palette", help="A name, a picture, or colours: '#paper #ink #ink'.  [default: from the seed]"
+    option(
+        "--palette",
+        heading="Motif",
+        help="A name, a picture, or colours: '#paper #ink #ink'.  [default: from the seed]",
     ),
-    click.option("--base", type=FILE, help="A logo, symbol or photograph that shapes the strokes."),
-    click.option(
+    option(
+        "--base", heading="Motif", type=FILE, help="A logo, symbol or photograph that shapes the strokes."
+    ),
+    option(
         "--base-strength",
+        heading="Motif",
         type=FiniteRange(-1, 1),
         help="How strongly it shows; below 0 strokes keep to its dark parts.",
     ),
-    click.option(
+    option(
         "--base-law",
+        heading="Motif",
         type=click.Choice(LAWS),
         help="How its brightness conducts: in proportion in the thesis.  [default: contrast]",
     ),
-    click.option(
+    option(
         "--strengths",
+        heading="Heat and ink",
         type=NumbersType(float),
         help="Range of the random strengths of sources and sinks: LOW,HIGH.  [default: 0.5,1.5]",
     ),
-    click.option(
+    option(
         "--mass",
+        heading="Heat and ink",
         type=NumbersType(float),
         help="Share of the area that is inked; one number, or one per layer: 0.2,0.3.",
     ),
-    click.option(
+    option(
         "--penalty",
+        heading="Heat and ink",
         type=NumbersType(float),
         help="Penalty exponent: 1 for ink wash, 3 for distinct strokes.",
     ),
-    click.option(
+    option(
         "--iterations",
+        heading="Heat and ink",
         type=click.IntRange(1, 10_000),
         help="Strokes become more distinct with each.  [default: 40]",
     ),
-    click.option(
-        "--move", type=FiniteRange(0, 1, min_open=True), help="Largest change of a density in an iteration."
+    option(
+        "--move",
+        heading="Heat and ink",
+        type=FiniteRange(0, 1, min_open=True),
+        help="Largest change of a density in an iteration.",
     ),
-    click.option("--sources", type=NumbersType(int), help="Number of heat sources, or one number per layer."),
-    click.option("--sinks", type=NumbersType(int), help="Number of heat sinks, or one number per layer."),
-    click.option(
+    option(
+        "--sources",
+        heading="Heat and ink",
+        type=NumbersType(int),
+        help="Number of heat sources, or one number per layer.",
+    ),
+    option(
+        "--sinks",
+        heading="Heat and ink",
+        type=NumbersType(int),
+        help="Number of heat sinks, or one number per layer.",
+    ),
+    option(
         "--distance",
+        heading="Heat and ink",
         type=FiniteRange(0, 1, min_open=True),
         help="From sinks to sources, as a share of the cell.",
     ),
-    click.option(
+    option(
         "--ambient",
+        heading="Heat and ink",
         type=FiniteRange(0, 1),
         help="Share of the heat that comes from everywhere; it makes strokes branch.",
     ),
-    click.option(
+    option(
         "--filter",
         "filter_radius",
+        heading="Heat and ink",
         type=FiniteRange(0, 10),
         help="Radius of the filter, in hundredths of the cell.",
     ),
 )
 _BEGINNING: tuple[Callable[[Any], Any], ...] = (
-    click.option(
-        "--config", type=FILE, help="TOML file with these options, or a whole recipe; see --show-recipe."
+    option(
+        "--config",
+        heading="An earlier motif",
+        type=FILE,
+        help="TOML file with these options, or a whole recipe; see --show-recipe.",
     ),
-    click.option(
+    option(
         "--like",
+        heading="An earlier motif",
         type=FILE,
         help="Make the motif in this file again; with --seed or --vary, a relative of it.",
     ),
-    click.option(
+    option(
         "--from",
         "source",
+        heading="An earlier motif",
         type=FILE,
         help="Go on from a motif on a page of --explore; also from what --like or --config take.",
     ),
-    click.option("--number", type=click.IntRange(1), help="With --from: which motif of the page."),
-    click.option(
+    option(
+        "--number",
+        heading="An earlier motif",
+        type=click.IntRange(1),
+        help="With --from: which motif of the page.",
+    ),
+    option(
         "--vary",
         "amount",
+        heading="An earlier motif",
         type=FiniteRange(0, 1),
         help="With --from, --like or --config: how far a relative may be, 0 to 1.",
     ),

@@ -16,6 +16,7 @@ from toposeam.motif.ink.mixing import mix
 from toposeam.motif.ink.printing import Inked
 from toposeam.motif.symmetry.kaleidoscope import GROUPS
 from toposeam.motif.symmetry.tiling import shift_of
+from toposeam_cli.app.command import option
 from toposeam_cli.app.options import FiniteRange, PaperLengthType
 from toposeam_cli.files.writing import all_or_nothing, atomic_write, check_output
 from toposeam_cli.media.pictures.picture import write_picture
@@ -90,33 +91,37 @@ def print_options(command: Callable[..., Any]) -> Callable[..., Any]:
         ink["transparent"] = ink["transparent"] or None
         return command(*arguments, ink=PrintOptions(**ink), **given)
 
-    for option in reversed(
+    for each in reversed(
         (
-            click.option(
+            option(
                 "--motif-width",
                 "width_mm",
+                heading="Print",
                 type=PaperLengthType(),
                 help="Width of one motif on paper: 80mm, 8cm or 3in.",
             ),
-            click.option(
+            option(
                 "--dpi",
+                heading="Print",
                 type=FiniteRange(1, 10_000),
                 help="Resolution, pixels per inch.  [default: 300 with --motif-width]",
             ),
-            click.option(
+            option(
                 "--levels",
+                heading="Print",
                 type=click.IntRange(1, 64),
                 help="For .svg: steps from paper to full ink.  [default: 12]",
             ),
-            click.option("--transparent", is_flag=True, help="Leave the paper out."),
-            click.option(
+            option("--transparent", heading="Print", is_flag=True, help="Leave the paper out."),
+            option(
                 "--separations",
+                heading="Print",
                 is_flag=True,
                 help="Beside it a gray picture of each ink, black where it is full: NAME.1-INK.tif.",
             ),
         )
     ):
-        grouped = option(grouped)
+        grouped = each(grouped)
     return grouped
 
 

@@ -18,6 +18,7 @@ from toposeam.layers.canvas.transforms import CameraTransform, Transform, is_mov
 from toposeam.layers.execution.tasks import Executor, results
 from toposeam.layers.registration.find_places import PlaceOptions, found_places
 from toposeam_cli.app.options import Keyed
+from toposeam_cli.files.regular import check_pattern
 from toposeam_cli.files.scratch import Scratch
 from toposeam_cli.media.layouts.hugin_project import ProjectPicture, project_text, read_project
 from toposeam_cli.media.layouts.layout import Layout, LayoutLayer, layout_text, read_layout
@@ -483,6 +484,7 @@ def _sources(
     if len(files) == 1 and files[0].is_dir():
         raise ts.OptionError(f"'{files[0]}' is a folder; give the pictures in it, like {files[0]}/*.jpg")
     if len(files) < least:
+        check_pattern(files[0])
         raise ts.OptionError(
             f"'{files[0]}' is only one picture; give at least two, an OpenRaster file (.ora) or a layout "
             "(.toml, .json, .pto)"

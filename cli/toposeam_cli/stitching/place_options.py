@@ -15,6 +15,7 @@ import toposeam as ts
 from toposeam.layers.canvas.transforms import PROJECTIONS, PlaneTransform, Transform, is_move
 from toposeam.layers.registration.find_places import PlaceOptions
 from toposeam.layers.registration.placement import MODELS
+from toposeam_cli.app.command import option
 from toposeam_cli.app.options import FILE, FiniteRange
 from toposeam_cli.media.pictures.decode import check_input
 from toposeam_cli.stitching.inputs import PlacedPictures, PlaceFinding
@@ -27,60 +28,80 @@ KINDS = ("photographs", "scans")
 def finding_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Return the options that say how places are found."""
     options = (
-        click.option(
+        option(
             "--model",
+            heading="Finding places",
             type=click.Choice(("auto", *MODELS)),
             default="auto",
             show_default=True,
             help="What brings pictures together: moves; turns and scales, too; the perspective of one plane; "
             "a camera that turns. auto takes the poorest that explains them.",
         ),
-        click.option(
-            "--exact", is_flag=True, help="Refuse what moves, turns and scales do not place exactly."
+        option(
+            "--exact",
+            heading="Finding places",
+            is_flag=True,
+            help="Refuse what moves, turns and scales do not place exactly.",
         ),
-        click.option(
+        option(
             "--focal",
+            heading="Finding places",
             type=FiniteRange(0, min_open=True),
             metavar="MM",
             help="Focal length of the camera, as of film of 24 x 36 mm; found by default.",
         ),
-        click.option(
+        option(
             "--lens",
+            heading="Finding places",
             type=FiniteRange(-0.5, 0.5),
             metavar="B",
             help="Radial distortion of the lens, Hugin's b; found by default, 0 for none.",
         ),
-        click.option(
+        option(
             "--projection",
+            heading="Finding places",
             type=click.Choice(("auto", *PROJECTIONS)),
             default="auto",
             show_default=True,
             help="How the joined picture shows what a camera saw; by its field of view.",
         ),
-        click.option("--level/--no-level", default=True, help="Lay the horizon level, the default."),
-        click.option("--centre", metavar="PICTURE", help="The picture in the middle: its number or name."),
-        click.option(
+        option(
+            "--level/--no-level",
+            heading="Finding places",
+            default=True,
+            help="Lay the horizon level, the default.",
+        ),
+        option(
+            "--centre",
+            heading="Finding places",
+            metavar="PICTURE",
+            help="The picture in the middle: its number or name.",
+        ),
+        option(
             "--points",
+            heading="Finding places",
             type=FILE,
             help="Points that two pictures share, where nothing is found: a .csv of lines picture, x, y, "
             "picture, x, y; at least four for a pair.",
         ),
-        click.option(
+        option(
             "--groups",
+            heading="Finding places",
             is_flag=True,
             help="Join pictures that show something else, too, into files of their own: OUTPUT-2, OUTPUT-3, "
             "...",
         ),
-        click.option(
+        option(
             "--as",
             "kind",
+            heading="Finding places",
             type=click.Choice(KINDS),
             help="photographs: match shading, blend in bands, crop to what has no holes, the default where "
             "pictures were warped; scans: nothing of it, the default elsewhere and with --exact.",
         ),
     )
-    for option in reversed(options):
-        command = option(command)
+    for each in reversed(options):
+        command = each(command)
     return command
 
 

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import Any
 
 import click
 import numpy as np
+from click.core import ParameterSource
 
 import toposeam as ts
 from toposeam.sentence import counted
+from toposeam_cli.stitching.outputs import Outputs
 from toposeam_cli.stitching.placement_report import best_correlation, describe_placement
 
 
@@ -22,7 +23,7 @@ def is_read(quiet: bool) -> bool:
 
 
 def told_of(
-    output: Path,
+    out: Outputs,
     shape: tuple[int, ...],
     seams: str,
     at: tuple[int, int] | None,
@@ -32,11 +33,22 @@ def told_of(
     aligned: ts.Aligned | None,
 ) -> str:
     """Describe a result of a shape, cropped from a corner of a whole, for people."""
-    text = f"{output}: {shape[1]} × {shape[0]} px, {seams}"
+    text = f"{out.output}: {shape[1]} × {shape[0]} px, {seams}"
     if at is not None:
         text += f", cropped to what has no holes, from {at[0]},{at[1]}"
         text += f" ({100 * shape[0] * shape[1] / math.prod(whole):.0f} % of it)"
+        text += _kept_by(out) if shape[:2] != tuple(whole) else ""
     return "\n".join([*describe_placement(layers, placement), *describe_alignment(layers, aligned), text])
+
+
+def _kept_by(out: Outputs) -> str:
+    """Return which options keep all of a picture, unless its crop was asked for."""
+    context = click.get_current_context()
+    given = (context.get_parameter_source(name) for name in ("crop", "fill_edges"))
+    if ParameterSource.COMMANDLINE in given:
+        return ""
+    ground = "" if out.has_alpha else " --background white"
+    return f"; --crop outside{ground} keeps all"
 
 
 def summary_of_all(

@@ -14,6 +14,7 @@ import toposeam as ts
 from toposeam.layers.composite.local_warp import check_give, give_way
 from toposeam.layers.execution.tasks import Executor
 from toposeam.layers.search.options import Effort
+from toposeam_cli.app.command import option
 from toposeam_cli.app.options import Keyed
 from toposeam_cli.app.progress import share_bar
 from toposeam_cli.figures.search import check_search
@@ -29,21 +30,23 @@ _STRANGE = 0.1
 
 def shared_work(command: Callable[..., Any]) -> Callable[..., Any]:
     """Return the options that say who does the work."""
-    for option in (
-        click.option(
+    for each in (
+        option(
             "--dask",
+            heading="Speed and memory",
             metavar="ADDRESS|local",
             help="Work on the workers of a Dask scheduler, or on a Dask cluster made of -j processes.",
         ),
-        click.option(
+        option(
             "-j",
             "--jobs",
             "processes",
+            heading="Speed and memory",
             type=click.IntRange(1, 256),
             help="Processes; the cores by default. Pictures of 64 megapixels or less in all take one.",
         ),
     ):
-        command = option(command)
+        command = each(command)
     return command
 
 

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 import toposeam as ts
+from toposeam_cli.app.command import option
 from toposeam_cli.app.options import (
     FILE,
     MEGAPIXELS,
@@ -160,88 +161,103 @@ class Results:
 
 
 _PATCHES: tuple[Callable[[Any], Any], ...] = (
-    click.option(
+    option(
         "--patch",
+        heading="Patches",
         type=PatchType(),
         default="auto",
         show_default=True,
         help="Side of a patch, px; auto: by the picture's own scale.",
     ),
-    click.option(
-        "--overlap", type=LengthType(), help="How far patches overlap, px or % of the patch; 25% by default."
+    option(
+        "--overlap",
+        heading="Patches",
+        type=LengthType(),
+        help="How far patches overlap, px or % of the patch; 25% by default.",
     ),
 )
 
 _SEARCH: tuple[Callable[[Any], Any], ...] = (
-    click.option(
+    option(
         "--also",
+        heading="Maps",
         type=FILE,
         multiple=True,
         help="A further map of the same size (height, roughness, numbers of materials …), cut alike into "
         "OUTPUT_NAME in its own format; its values are never mixed. May be repeated.",
     ),
-    click.option(
+    option(
         "--normal",
+        heading="Maps",
         type=FILE,
         multiple=True,
         help="A normal map of the same size, cut alike into OUTPUT_NAME, its vectors of length 1.",
     ),
-    click.option(
+    option(
         "--weights",
+        heading="Maps",
         type=WeightsType(),
         help="How much the picture, each map and the normals count in the search; 1 each by default.",
     ),
-    click.option(
+    option(
         "--seed",
+        heading="Patches",
         type=click.IntRange(min=0),
         default=0,
         show_default=True,
         help="The same seed makes the same picture.",
     ),
-    click.option(
+    option(
         "--smooth",
+        heading="Patches",
         type=click.IntRange(0, 8),
         default=1,
         show_default=True,
         help="Mix patches over this many px beside seams, in colours and normals.",
     ),
-    click.option(
+    option(
         "--tolerance",
+        heading="Patches",
         type=FiniteRange(0, 10),
         default=0.1,
         show_default=True,
         help="How much worse than the best a patch may fit to be drawn as well.",
     ),
-    click.option(
+    option(
         "--candidates",
+        heading="Patches",
         type=click.IntRange(1, 1000),
         default=8,
         show_default=True,
         help="How many places are compared for each patch.",
     ),
-    click.option(
+    option(
         "--context",
+        heading="Patches",
         type=click.IntRange(0, 64),
         default=8,
         show_default=True,
         help="px round a patch in which it has to fit too.",
     ),
-    click.option(
+    option(
         "--most",
+        heading="Patches",
         type=FiniteRange(min=1),
         default=2.5,
         show_default=True,
         help="No pixel shows more often than this many times the average.",
     ),
-    click.option(
+    option(
         "--variety",
+        heading="Patches",
         type=FiniteRange(0, 100),
         default=0.5,
         show_default=True,
         help="How strongly places that show often already are avoided.",
     ),
-    click.option(
+    option(
         "--method",
+        heading="Patches",
         type=click.Choice(ts.METHODS),
         default="auto",
         show_default=True,
@@ -250,15 +266,22 @@ _SEARCH: tuple[Callable[[Any], Any], ...] = (
 )
 
 _RESULTS: tuple[Callable[[Any], Any], ...] = (
-    click.option("--seams", type=OUTPUT, help="Also write the seams as SVG."),
-    click.option("--labels", type=OUTPUT, help="Also write the patches' numbers, a 16-bit gray picture."),
-    click.option(
+    option("--seams", heading="Output", type=OUTPUT, help="Also write the seams as SVG."),
+    option(
+        "--labels",
+        heading="Output",
+        type=OUTPUT,
+        help="Also write the patches' numbers, a 16-bit gray picture.",
+    ),
+    option(
         "--coordinates",
+        heading="Output",
         type=OUTPUT,
         help="Also write where each pixel came from, a 16-bit picture: red column, green row, blue exemplar.",
     ),
-    click.option(
+    option(
         "--max-megapixels",
+        heading="Speed and memory",
         type=MEGAPIXELS,
         default=72.0,
         show_default=True,

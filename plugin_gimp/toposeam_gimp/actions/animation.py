@@ -42,7 +42,7 @@ def loop(call: Call) -> Gimp.Layer:
             name = _("Frame {number}").format(number=number + 1) + (f" {delay[0]}" if delay else "")
             layer = pixels.new_layer(made, name, raster)
             made.insert_layer(layer, None, 0)
-            pixels.receive_colors(folder, made, layer, raster)
+            pixels.receive_colors(folder, layer, raster)
         made.undo_enable()
     if call.interactive:
         Gimp.Display.new(made)

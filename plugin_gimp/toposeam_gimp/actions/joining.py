@@ -10,6 +10,7 @@ from typing import Any
 from gi.repository import Gimp
 
 from toposeam_gimp.engine.folder import RequestFolder
+from toposeam_gimp.engine.process import begin
 from toposeam_gimp.image import pixels
 from toposeam_gimp.image.layers import draw_seam
 from toposeam_gimp.texts import _
@@ -19,10 +20,11 @@ Options = dict[str, Any]
 
 @contextmanager
 def request_of(
-    image: Gimp.Image, layers: Sequence[Gimp.Layer], *, with_masks: bool = True
+    image: Gimp.Image, layers: Sequence[Gimp.Layer], *, with_masks: bool = True, of: str = ""
 ) -> Iterator[tuple[RequestFolder, list[dict[str, Any]]]]:
-    """Open a folder that holds the layers' pixels, and what describes them."""
+    """Open a folder that holds the layers' pixels, and what describes them; the engine starts meanwhile."""
     with RequestFolder(needed=2 * sum(pixels.size_of(image, layer) for layer in layers)) as folder:
+        begin(folder, of)
         yield (
             folder,
             [
@@ -54,7 +56,7 @@ def put_blended(
     )
     image.insert_layer(layer, parent, position)
     layer.set_offsets(*answer["blended"]["at"])
-    pixels.receive_colors(folder, image, layer, answer["blended"])
+    pixels.receive_colors(folder, layer, answer["blended"])
     return layer
 
 

@@ -23,6 +23,7 @@ from toposeam_gimp.image.layers import (
     remember,
     send_shown,
     stitched_group,
+    sums_of,
 )
 from toposeam_gimp.texts import _
 
@@ -35,12 +36,10 @@ def restitch(call: Call) -> Gimp.Layer:
     selected = chosen_layers(image, call.drawables)
     group, memory = stitched_group(image, selected)
     layers = _layers_of(image, memory)
-    seams = _seams_to_apply(call, memory["seams"])
-    with request_of(image, layers, with_masks=False) as (folder, rasters):
-        shown = [
-            layer.get_mask() and pixels.send_mask(folder, layer, f"shown-{index}")
-            for index, layer in enumerate(layers)
-        ]
+    applied = _seams_to_apply(call, memory["seams"])
+    with request_of(image, layers, with_masks=False, of="restitch") as (folder, rasters):
+        shown = [pixels.send_mask(folder, layer, f"shown-{index}") for index, layer in enumerate(layers)]
+        kept = memory.get("masks") == sums_of(folder, layers, shown)
         if memory["kind"] == "patch":
             rasters.insert(0, picture_below(folder, image, layers[0], pixels.box_of(rasters[0])))
             shown.insert(0, None)
@@ -48,10 +47,11 @@ def restitch(call: Call) -> Gimp.Layer:
         request = {
             "layers": rasters,
             "shown": shown,
+            "masks_kept": kept,
             "written": send_shown(folder, group, memory),
             "hints": hints.send_hints(folder, strokes),
             "colours": [colour for colour, _tag in hints.COLOURS][: len(rasters)],
-            "seams": seams,
+            "seams": applied,
             "options": renamed(memory["options"]),
         }
         answer = call.ask(folder, {"operation": "restitch", **request})
@@ -62,16 +62,16 @@ def restitch(call: Call) -> Gimp.Layer:
             if old:
                 image.remove_layer(old)
             blended = put_blended(folder, image, group, answer)
-            kept = memory["seams"]
+            seams = memory["seams"]
             if answer["seams"] is not None:
-                kept = _redrawn(call, kept, answer["seams"], undone)
+                seams = _redrawn(call, seams, answer["seams"], undone)
             painted = None
             if answer["hints"] is not None:
                 box = hints.canvas_of([layer for layer in (*layers, strokes) if layer is not None])
                 painted = hints.replace_hints(folder, image, group, strokes, answer["hints"], box)
                 call.tell(_("What you painted on masks is kept as strokes on the layer “Seam hints”."))
             about = {"kind": memory["kind"], "options": memory["options"]}
-            remember(folder, group, layers, kept, blended, about, answer, painted or strokes)
+            remember(folder, group, layers, seams, blended, about, answer, painted or strokes)
             paints = strokes is not None and strokes.get_id() in {layer.get_id() for layer in selected}
             image.set_selected_layers([(painted or strokes) if paints else group])
     return group

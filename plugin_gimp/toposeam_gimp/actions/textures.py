@@ -35,7 +35,7 @@ def synthesize(call: Call) -> Gimp.Layer:
         image.undo_disable()
         result = pixels.new_layer(image, name, picture)
         image.insert_layer(result, None, 0)
-        pixels.receive_colors(folder, image, result, picture)
+        pixels.receive_colors(folder, result, picture)
         image.undo_enable()
     if call.interactive:
         Gimp.Display.new(image)
@@ -145,6 +145,6 @@ def _add(
         call.image.insert_layer(result, layer.get_parent(), call.image.get_item_position(layer))
         undone.append(lambda: call.image.remove_layer(result))
         result.set_offsets(*picture["at"])
-        pixels.receive_colors(folder, call.image, result, picture)
+        pixels.receive_colors(folder, result, picture)
         call.image.set_selected_layers([result])
     return result

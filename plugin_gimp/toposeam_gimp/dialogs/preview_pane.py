@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 from gi.repository import GdkPixbuf, Gimp, Gio, GLib, Gtk
 
 from toposeam_gimp.dialogs import scenes
 from toposeam_gimp.dialogs.rehearsal import Preview, Rehearsal
+from toposeam_gimp.dialogs.variants import Variants
 from toposeam_gimp.dialogs.zoomed_view import ZoomedView
 from toposeam_gimp.engine.call import GoneError, check_there
 from toposeam_gimp.engine.folder import FolderError, RequestFolder
@@ -16,15 +18,20 @@ from toposeam_gimp.entries.entry import Procedure
 from toposeam_gimp.image.layers import RefusedError
 from toposeam_gimp.texts import _
 
-_SIZE = (360, 300)
+_SIZE, _WIDE = (360, 300), (600, 300)
 #: What the engine calls pictures that show seams.
 _WITH_SEAMS = ("stitch", "patch")
+#: Entries whose previews can show what there was before.
+_WITH_BEFORE = ("stitch", "patch", "tile", "hole")
 #: People type and drag; the preview waits for a moment of rest.
 _REST_MS = 150
 #: Small pictures are shown enlarged, animations more, which have less pixels.
 _MOST_ENLARGED, _MOST_ENLARGED_FRAMES = 2.0, 3.0
 #: The folder with the pixels shows a sign of life so often, s.
 _ALIVE_S = 120
+#: For the frame round a picture beside others, and the gap.
+_SPARE = 12
+_MOST_SEED = 2_147_483_647
 
 
 class PreviewPane:
@@ -47,7 +54,11 @@ class PreviewPane:
         self._seam = Gtk.CheckButton.new_with_label(_("Seam line"))
         self._seam.set_active(True)
         self._seam.connect("toggled", lambda _box: self.changed())
-        self._view = ZoomedView(self._picture, _SIZE, self._refresh)
+        self._before = Gtk.CheckButton.new_with_label(_("Before"))
+        self._before.connect("toggled", lambda _box: self.changed())
+        self._view = ZoomedView(
+            self._picture, _WIDE if entry.preview == "hole" else _SIZE, self._refresh, self._take
+        )
         self._stack = Gtk.Stack()
         for name, widget in (("picture", self._view.widget), ("text", self._text)):
             self._stack.add_named(widget, name)
@@ -57,6 +68,8 @@ class PreviewPane:
         below.pack_start(self._switch, False, False, 0)
         if scenes.OF[str(entry.preview)] in _WITH_SEAMS:
             below.pack_start(self._seam, False, False, 0)
+        if entry.preview in _WITH_BEFORE:
+            below.pack_start(self._before, False, False, 0)
         below.pack_start(self._busy, False, False, 0)
         self.widget = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, spacing=6)
         self.widget.pack_start(frame, True, True, 0)
@@ -66,9 +79,13 @@ class PreviewPane:
         self._folder: RequestFolder | None = None
         self._scene: tuple[Any, dict[str, Any]] | None = None
         self._timer = self._clock = self._sign = 0
+        self._variants = Variants() if entry.preview == "hole" else None
+        if self._variants is not None:
+            self._view.widget.set_tooltip_text(_("Click the variant that shall be taken"))
+        self._asked: tuple[dict[str, Any], dict[str, Any], Path] | None = None
         self._raw: list[GdkPixbuf.Pixbuf] = []
         self._frames: list[GdkPixbuf.Pixbuf] = []
-        self._open = False
+        self._open = self._taking = False
 
     def start(self) -> None:
         """Start the previews, as the dialog appears."""
@@ -91,7 +108,7 @@ class PreviewPane:
 
     def changed(self) -> None:
         """Mark the preview as out of date."""
-        if not self._open:
+        if not self._open or self._taking:
             return
         self._rehearsal.cancel()
         self._busy.set_text("")
@@ -119,9 +136,19 @@ class PreviewPane:
             for option in self._entry.options
             if option.engine
         }
-        scene = {**self._scene[1], "seam_line": self._seam.get_active()}
-        self._rehearsal.show(scene, sent, folder.path)
+        shown = {"seam_line": self._seam.get_active(), "before": self._before.get_active()}
+        if self._variants is not None:
+            sent["seed"] = self._variants.begin(options["seed"], _MOST_SEED)
+        self._ask_for({**self._scene[1], **shown}, sent, folder.path)
         return False
+
+    def _take(self, share: float) -> None:
+        """Take the variant that was clicked."""
+        if self._variants is not None and not self._before.get_active():
+            self._taking = True
+            self._config.set_property("seed", self._variants.seed_at(share))
+            self._taking = False
+            self._refresh()
 
     def _stop(self) -> None:
         """Cancel the wait for a moment of rest."""
@@ -147,16 +174,38 @@ class PreviewPane:
             self._stack.set_visible_child_name("text")
             return False
         self._raw = _pixbufs(found)
+        if self._variants is not None and not self._before.get_active():
+            self._next_variant(self._variants)
+        elif self._entry.preview == "motif" and self._asked is not None and not self._asked[0].get("exact"):
+            scene, options, pixels = self._asked
+            self._ask_for({**scene, "exact": True}, options, pixels)
         self._refresh()
         if len(self._frames) > 1 and self._scene is not None:
             self._clock = GLib.timeout_add(max(int(self._scene[1]["delay"]), 20), self._next)
         self._stack.set_visible_child_name("picture")
         return False
 
+    def _next_variant(self, variants: Variants) -> None:
+        """Put what was drawn beside the variants before it, and ask for the next one."""
+        seed = variants.add(self._raw[0])
+        if seed is not None and self._asked is not None:
+            scene, options, pixels = self._asked
+            self._ask_for(scene, {**options, "seed": seed}, pixels)
+
+    def _ask_for(self, scene: dict[str, Any], options: dict[str, Any], pixels: Path) -> None:
+        """Ask the engine for a preview."""
+        self._asked = scene, options, pixels
+        self._busy.set_text(_("drawing …"))
+        self._rehearsal.show(scene, options, pixels)
+
     def _refresh(self) -> None:
         """Scale and draw what is shown, for the room and the zoom there are."""
-        if self._raw:
-            self._frames = [self._scaled(pixbuf, len(self._raw) > 1) for pixbuf in self._raw]
+        if self._variants is not None and self._raw and not self._before.get_active():
+            seed, dots = self._config.get_property("seed"), self._picture.get_scale_factor()
+            self._draw(self._variants.picture(seed, self._scaled, dots))
+        elif self._raw:
+            most = _MOST_ENLARGED_FRAMES if len(self._raw) > 1 else _MOST_ENLARGED
+            self._frames = [self._scaled(pixbuf, 1, most) for pixbuf in self._raw]
             self._draw(self._frames[0])
 
     def _next(self) -> bool:
@@ -165,13 +214,15 @@ class PreviewPane:
         self._draw(self._frames[0])
         return True
 
-    def _scaled(self, pixbuf: GdkPixbuf.Pixbuf, moves: bool) -> GdkPixbuf.Pixbuf:
-        """Scale the picture to the room there is, on checks where it is transparent."""
+    def _scaled(
+        self, pixbuf: GdkPixbuf.Pixbuf, beside: int, most: float = _MOST_ENLARGED
+    ) -> GdkPixbuf.Pixbuf:
+        """Scale the picture to the room there is for so many, on checks where it is transparent."""
         dots = self._picture.get_scale_factor()
         width, height = pixbuf.get_width(), pixbuf.get_height()
-        most = (_MOST_ENLARGED_FRAMES if moves else _MOST_ENLARGED) * dots
-        room = self._view.room
-        scale = min(room[0] * dots / width, room[1] * dots / height, most) * self._view.zoom
+        spare = _SPARE if beside > 1 else 0
+        across, down = self._view.room[0] / beside - spare, self._view.room[1] - spare
+        scale = min(across * dots / width, down * dots / height, most * dots) * self._view.zoom
         size = max(round(width * scale), 1), max(round(height * scale), 1)
         return pixbuf.composite_color_simple(
             *size, GdkPixbuf.InterpType.BILINEAR, 255, 8 * dots, 0x999999, 0x666666

@@ -37,8 +37,13 @@ MOST_PIXELS = 300_000
 #: at most (benchmarks/gimp.py).
 _MOST_PLACED, _MOST_TILED, _MOST_SAMPLED = 60_000, 80_000, 50_000
 _MOST_GROWN, _MOST_LOOPED = 32_000, 150_000
-#: Of what is to be filled so many times its size is shown on each side.
-_SURROUNDINGS = 1.2
+#: Of what is to be filled so many times its size is shown on each side; less where that is the result.
+_SURROUNDINGS, _CLOSE = 1.2, 0.6
+#: A hole is filled at full size where what is searched has so many pixels at most: what lies within so many
+#: px of it, and some more.
+_MOST_FILLED, _SEARCHED, _BEYOND = 1_800_000, 512, 64
+#: Smaller layers are searched as a whole.
+_SMALL = 1 << 20
 #: The least that a frame of an animation is shown at.
 _LEAST_FRAME = 200
 
@@ -66,7 +71,7 @@ def key(name: str, options: Scene) -> tuple[Any, ...]:
     if name == "pattern":
         return options["rows"], options["columns"]
     if name == "hole":
-        return options["from"] == "other", options["source"] and options["source"].get_id()
+        return options["from"], options["source"] and options["source"].get_id()
     return (options["use-layer"],) if name == "motif" else ()
 
 
@@ -114,8 +119,7 @@ def _patch(folder: RequestFolder, image: Gimp.Image, drawables: Layers, options:
     if layer.is_floating_sel() or layer.get_parent() is not None:
         raise RefusedError(_("There is no preview of a floating selection, nor within a group."))
     selected = _bounds(image) or _box(layer)
-    margin = max(selected[2:]) // 4
-    around = (selected[0] - margin, selected[1] - margin, selected[2] + 2 * margin, selected[3] + 2 * margin)
+    around = _grown(selected, max(selected[2:]) // 4)
     scale = _scale(_area(around))
     scratch = image.duplicate()
     try:
@@ -151,20 +155,39 @@ def _tile(folder: RequestFolder, image: Gimp.Image, drawables: Layers, _options:
 def _hole(folder: RequestFolder, image: Gimp.Image, drawables: Layers, options: Scene) -> Scene:
     check_fill(image, drawables, options)
     layer = drawables[0]
-    selected = _bounds(image) or _box(layer)
+    whole, selected = _box(layer), _bounds(image) or _box(layer)
     # What is to be replaced and its surroundings, as large as they can be shown.
-    margin = round(_SURROUNDINGS * max(selected[2:]))
-    around = (selected[0] - margin, selected[1] - margin, selected[2] + 2 * margin, selected[3] + 2 * margin)
-    box = pixels.common(_box(layer), around)
-    if box is None:
+    shown = pixels.common(whole, _grown(selected, round(_SURROUNDINGS * max(selected[2:]))))
+    reach = max(selected[2:]) if options["from"] == "around" else math.isqrt(selected[2] * selected[3])
+    searched = pixels.common(whole, _grown(selected, max(reach, _SEARCHED) + _BEYOND))
+    if shown is None or searched is None:
         raise RefusedError(
             _("The selection lies outside the layer “{name}”; select a part of it.").format(
                 name=layer.get_name()
             )
         )
-    made = _texture("fill", folder, image, drawables, 1.0, box=box, most=_MOST_GROWN)
+    box, about = shown, {}
+    if options["from"] != "other" and _area(searched) <= _MOST_FILLED:
+        # Small enough that the preview is the result.
+        box = whole if _area(whole) <= _SMALL else _united(searched, shown)
+        shown = pixels.common(whole, _grown(selected, round(_CLOSE * max(selected[2:])))) or shown
+        about = {"shown": [shown[0] - box[0], shown[1] - box[1], *shown[2:]]}
+    most = _area(box) if about else _MOST_GROWN
+    made = _texture("fill", folder, image, drawables, 1.0, box=box, most=most)
+    if about:
+        made["layer"]["cut_from"] = _area(whole)
     made["selection"] = _selection(folder, image, made["scale"], box)
-    return {**made, "source": send_source(folder, image, layer, options, made["scale"])}
+    return {**made, **about, "source": send_source(folder, image, layer, options, made["scale"])}
+
+
+def _grown(box: Box, margin: int) -> Box:
+    return box[0] - margin, box[1] - margin, box[2] + 2 * margin, box[3] + 2 * margin
+
+
+def _united(first: Box, second: Box) -> Box:
+    left, top = (min(first[axis], second[axis]) for axis in (0, 1))
+    right, bottom = (max(box[axis] + box[axis + 2] for box in (first, second)) for axis in (0, 1))
+    return left, top, right - left, bottom - top
 
 
 def _motif(folder: RequestFolder, image: Gimp.Image | None, drawables: Layers, options: Scene) -> Scene:

@@ -8,6 +8,8 @@ from typing import Any
 from gi.repository import Gdk, GLib, Gtk
 
 _STEP, _MOST = 1.25, 8.0
+#: A click may move by so much, px.
+_STILL = 2.0
 #: Of the room, so that no scroll bars appear where everything fits.
 _MARGIN = 4
 
@@ -22,14 +24,23 @@ class ZoomedView:
         Width and height that it has at least, px.
     refresh : callable
         Draws the picture anew, for another :attr:`room` or :attr:`zoom`.
+    click : callable
+        Called with the share of the picture's width at which people have clicked.
     """
 
-    def __init__(self, picture: Gtk.Image, least: tuple[int, int], refresh: Callable[[], object]) -> None:
-        self._refresh, self._least = refresh, least
+    def __init__(
+        self,
+        picture: Gtk.Image,
+        least: tuple[int, int],
+        refresh: Callable[[], object],
+        click: Callable[[float], object],
+    ) -> None:
+        self._picture, self._refresh, self._click, self._least = picture, refresh, click, least
         #: How many times larger than what fills the room.
         self.zoom = 1.0
         self._seen = least
         self._held: tuple[float, float] | None = None
+        self._dragged = False
         box = Gtk.EventBox()
         box.add(picture)
         box.add_events(
@@ -71,11 +82,15 @@ class ZoomedView:
         return True
 
     def _pressed(self, _widget: Gtk.Widget, event: Any) -> bool:
-        self._held = event.x_root, event.y_root
+        self._held, self._dragged = (event.x_root, event.y_root), False
         return True
 
-    def _released(self, _widget: Gtk.Widget, _event: Any) -> bool:
+    def _released(self, widget: Gtk.Widget, event: Any) -> bool:
         self._held = None
+        shown = self._picture.get_pixbuf()
+        if not self._dragged and shown is not None:
+            width = shown.get_width() / self._picture.get_scale_factor()
+            self._click((event.x - (widget.get_allocated_width() - width) / 2) / width)
         return True
 
     def _moved(self, _widget: Gtk.Widget, event: Any) -> bool:
@@ -87,6 +102,7 @@ class ZoomedView:
             (event.x_root, event.y_root),
             strict=True,
         ):
+            self._dragged = self._dragged or abs(now - before) > _STILL
             bar.set_value(bar.get_value() + before - now)
         self._held = event.x_root, event.y_root
         return True

@@ -12,6 +12,7 @@ import tempfile
 import time
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from toposeam_gimp.texts import _
 
@@ -46,6 +47,8 @@ class RequestFolder:
         #: The nonce that the engine reads on its stdin, and finds in the folder.
         self.nonce = secrets.token_hex(16)
         (self.path / MARKER).write_text(self.nonce, encoding="ascii")
+        #: The engine that was started for this request, if it was.
+        self.engine: Any = None
         self.touch()
 
     def touch(self) -> None:
@@ -56,7 +59,14 @@ class RequestFolder:
     def __enter__(self) -> RequestFolder:
         return self
 
+    def end_engine(self) -> None:
+        """Stop the engine that was started for this request."""
+        if self.engine is not None:
+            self.engine.end()
+            self.engine = None
+
     def __exit__(self, *_: object) -> None:
+        self.end_engine()
         shutil.rmtree(self.path, ignore_errors=True)
 
 

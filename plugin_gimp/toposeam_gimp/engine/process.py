@@ -25,9 +25,11 @@ from toposeam_gimp.engine.folder import RequestFolder
 from toposeam_gimp.sentences import in_gimps_words
 from toposeam_gimp.texts import _
 
-PROTOCOL = 3
+PROTOCOL = 4
 #: The engine speaks every two seconds; this long a silence means that it hangs.
 SILENCE_S = 300.0
+#: Where the engine complains, in a request's folder.
+_LOG = "engine.log"
 
 #: What GIMP's own libraries need and another Python must not see.
 _FOREIGN = (
@@ -168,14 +170,34 @@ def ask(
         except BaseException:
             waiting.end()
             raise
-    log = folder.path / "engine.log"
-    with log.open("wb") as noise:
-        started = Engine([str(folder.path)], noise, command)
+    if folder.engine is None:
+        begin(folder, command=command)
+    started: Engine = folder.engine
     try:
         started.tell(folder.nonce)
-        return _listen(started, folder, progress, silence_s, log)
+        return _listen(started, folder, progress, silence_s, folder.path / _LOG)
     finally:
-        started.end()
+        folder.end_engine()
+
+
+def begin(folder: RequestFolder, of: str = "", command: Iterable[str] | None = None) -> None:
+    """Start the engine for a folder: it loads what it needs while pixels are written.
+
+    Parameters
+    ----------
+    folder : RequestFolder
+    of : str
+        What will be asked for, if it is known.
+    command : iterable of str, optional
+        What to run instead of the engine.
+
+    Raises
+    ------
+    EngineError
+        When it cannot be started.
+    """
+    with (folder.path / _LOG).open("wb") as noise:
+        folder.engine = Engine([str(folder.path), *([of] if of else [])], noise, command)
 
 
 class Engine:

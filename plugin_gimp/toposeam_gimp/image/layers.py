@@ -13,7 +13,7 @@ from gi.repository import Gimp
 
 from toposeam_gimp.engine.folder import RequestFolder
 from toposeam_gimp.engine.turns import turn
-from toposeam_gimp.image import curves
+from toposeam_gimp.image import curves, pixels
 from toposeam_gimp.image import path_choice as choosing
 from toposeam_gimp.texts import _
 
@@ -219,6 +219,7 @@ def remember(
         "blended": answer.get("blended") if folder is None else blended and blended.get_tattoo(),
         "hints": hints and hints.get_tattoo(),
         "labels": answer["labels"],
+        "masks": answer.get("masks") if folder is None else sums_of(folder, layers, answer["masks"]),
         "seams": seams,
     }
     text = json.dumps(memory, separators=(",", ":"))
@@ -227,6 +228,21 @@ def remember(
         # GIMP's binding takes characters up to 127.
         packed = base64.b64encode(zlib.compress((folder.path / answer["labels"]["file"]).read_bytes(), 1))
         group.attach_parasite(Gimp.Parasite.new(SHOWN_PARASITE, KEPT, list(packed)))
+
+
+def sums_of(
+    folder: RequestFolder, layers: Sequence[Gimp.Layer], masks: Sequence[dict[str, Any] | None]
+) -> list[list[int]]:
+    """Return the place of each layer and the checksum of its mask, as it lies in a folder: they say whether
+    somebody has painted on masks.
+    """
+    return [
+        [
+            *pixels.place_of(layer),
+            0 if mask is None else zlib.crc32((folder.path / mask["file"]).read_bytes()),
+        ]
+        for layer, mask in zip(layers, masks[-len(layers) :], strict=True)
+    ]
 
 
 def send_shown(folder: RequestFolder, group: Gimp.Layer, memory: Mapping[str, Any]) -> dict[str, Any] | None:

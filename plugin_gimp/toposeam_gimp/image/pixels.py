@@ -16,29 +16,44 @@ from toposeam_gimp.image.seen import as_seen
 _ROWS = 256
 #: Side of what is looked at in small, px.
 _LOOK = 512
+#: Side of the tiles in which strokes are sought, px.
+_TILE = 256
 _BYTES = {"uint8": 1, "uint16": 2, "float32": 4}
 
 
 class Format(StrEnum):
     """The pixel formats that are used; a misspelt one would end the process."""
 
+    RGB_U8 = "R'G'B' u8"
+    RGB_U16 = "R'G'B' u16"
+    RGB_FLOAT = "R'G'B' float"
     RGBA_U8 = "R'G'B'A u8"
     RGBA_U16 = "R'G'B'A u16"
     RGBA_FLOAT = "R'G'B'A float"
-    GRAY_U8 = "Y'A u8"
-    GRAY_U16 = "Y'A u16"
-    GRAY_FLOAT = "Y'A float"
+    GRAY_U8 = "Y' u8"
+    GRAY_U16 = "Y' u16"
+    GRAY_FLOAT = "Y' float"
+    GRAYA_U8 = "Y'A u8"
+    GRAYA_U16 = "Y'A u16"
+    GRAYA_FLOAT = "Y'A float"
     MASK_U8 = "Y u8"
     MASK_FLOAT = "Y float"
 
 
+#: By the number of channels and their type.
 _COLOR = {
-    ("RGB", "uint8"): Format.RGBA_U8,
-    ("RGB", "uint16"): Format.RGBA_U16,
-    ("RGB", "float32"): Format.RGBA_FLOAT,
-    ("GRAY", "uint8"): Format.GRAY_U8,
-    ("GRAY", "uint16"): Format.GRAY_U16,
-    ("GRAY", "float32"): Format.GRAY_FLOAT,
+    (1, "uint8"): Format.GRAY_U8,
+    (1, "uint16"): Format.GRAY_U16,
+    (1, "float32"): Format.GRAY_FLOAT,
+    (2, "uint8"): Format.GRAYA_U8,
+    (2, "uint16"): Format.GRAYA_U16,
+    (2, "float32"): Format.GRAYA_FLOAT,
+    (3, "uint8"): Format.RGB_U8,
+    (3, "uint16"): Format.RGB_U16,
+    (3, "float32"): Format.RGB_FLOAT,
+    (4, "uint8"): Format.RGBA_U8,
+    (4, "uint16"): Format.RGBA_U16,
+    (4, "float32"): Format.RGBA_FLOAT,
 }
 _MASK = {"uint8": Format.MASK_U8, "float32": Format.MASK_FLOAT}
 
@@ -51,11 +66,15 @@ def depth(image: Gimp.Image) -> str:
     return exact.get(image.get_precision(), "float32")
 
 
-def color_format(image: Gimp.Image, drawable: Gimp.Drawable, dtype: str) -> str:
-    """Return the format of colour and alpha in the drawable's own colour space."""
-    kind = "GRAY" if image.get_base_type() == Gimp.ImageBaseType.GRAY else "RGB"
+def color_format(drawable: Gimp.Drawable, dtype: str, channels: int) -> str:
+    """Return the format of colours, and of opacity if there is any, in the drawable's own colour space."""
     space = Babl.format_get_space(drawable.get_format())
-    return str(Babl.get_name(Babl.format_with_space(_COLOR[kind, dtype].value, space)))
+    return str(Babl.get_name(Babl.format_with_space(_COLOR[channels, dtype].value, space)))
+
+
+def _channels(layer: Gimp.Layer) -> int:
+    """Return the number of channels of a layer: adding opacity would take babl 300 MiB, for a moment."""
+    return (1 if layer.is_gray() else 3) + int(layer.has_alpha())
 
 
 def size_of(image: Gimp.Image, drawable: Gimp.Drawable) -> int:
@@ -90,7 +109,6 @@ def send_layer(
         What describes it in a request; None where box and layer have nothing in common.
     """
     dtype = depth(image)
-    channels = 2 if image.get_base_type() == Gimp.ImageBaseType.GRAY else 4
     with as_seen(image, layer) as seen:
         _nothing, left, top = seen.get_offsets()
         part = common((left, top, seen.get_width(), seen.get_height()), box)
@@ -98,7 +116,8 @@ def send_layer(
             return None
         x, y, width, height = part
         own = (x - left, y - top, width, height)
-        raster = _send(folder, seen, f"{name}.raw", color_format(image, layer, dtype), dtype, channels, own)
+        channels = _channels(seen)
+        raster = _send(folder, seen, f"{name}.raw", color_format(seen, dtype, channels), dtype, channels, own)
         mask = seen.get_mask()
         if with_mask and mask is not None and seen.get_apply_mask():
             raster["mask"] = _send(folder, mask, f"{name}-mask.raw", Format.MASK_U8.value, "uint8", 1, own)
@@ -124,10 +143,10 @@ def common(first: Box, second: Box | None) -> Box | None:
     return (left, top, right - left, bottom - top) if right > left and bottom > top else None
 
 
-def send_mask(folder: RequestFolder, layer: Gimp.Layer, name: str) -> dict[str, Any]:
-    """Write where a layer shows; without a mask that is everywhere."""
-    mask = layer.get_mask() or layer.create_mask(Gimp.AddMaskType.WHITE)
-    return _send(
+def send_mask(folder: RequestFolder, layer: Gimp.Layer, name: str) -> dict[str, Any] | None:
+    """Write where a layer shows; None without a mask."""
+    mask = layer.get_mask()
+    return mask and _send(
         folder,
         mask,
         f"{name}.raw",
@@ -142,7 +161,7 @@ def send_channel(folder: RequestFolder, channel: Gimp.Channel, name: str) -> dic
     """Write a channel or a mask, with its place."""
     box = (0, 0, channel.get_width(), channel.get_height())
     raster = _send(folder, channel, f"{name}.raw", Format.MASK_U8.value, "uint8", 1, box)
-    return {**raster, "at": list(place_of(channel))}
+    return {**raster, "at": list(place_of(channel)), "is_mask": True}
 
 
 def send_avoided(folder: RequestFolder, channel: Gimp.Drawable | None) -> dict[str, Any] | None:
@@ -159,15 +178,39 @@ def shows(layer: Gimp.Layer, box: Box | None = None) -> bool:
     scale = min(1.0, _LOOK / max(part[2:]))
     x, y, width, height = (round(value * scale) for value in (part[0] - left, part[1] - top, *part[2:]))
     small = Gegl.Rectangle.new(x, y, max(width, 1), max(height, 1))
-    content = layer.get_buffer().get(small, scale, Format.GRAY_U8.value, Gegl.AbyssPolicy.CLAMP)
+    content = layer.get_buffer().get(small, scale, Format.GRAYA_U8.value, Gegl.AbyssPolicy.CLAMP)
     return any(content[1::2])
 
 
-def send_strokes(folder: RequestFolder, layer: Gimp.Layer, name: str) -> dict[str, Any]:
-    """Write colours and opacity of a layer with strokes, 8 bits, with its place."""
-    box = (0, 0, layer.get_width(), layer.get_height())
+def send_strokes(folder: RequestFolder, layer: Gimp.Layer, name: str) -> dict[str, Any] | None:
+    """Write colours and opacity of a layer with strokes, 8 bits, with the place of what there is; None if
+    that is nothing.
+    """
+    box = _painted(layer)
+    if box is None:
+        return None
     raster = _send(folder, layer, f"{name}.raw", Format.RGBA_U8.value, "uint8", 4, box)
-    return {**raster, "at": list(place_of(layer))}
+    left, top = place_of(layer)
+    return {**raster, "at": [left + box[0], top + box[1]]}
+
+
+def _painted(layer: Gimp.Layer) -> Box | None:
+    """Return a box of the layer's own pixels that holds all that is not transparent black; None without
+    any.
+    """
+    buffer, whole = layer.get_buffer(), (0, 0, layer.get_width(), layer.get_height())
+    tiles = []
+    for top in range(0, whole[3], _TILE):
+        for left in range(0, whole[2], _TILE):
+            tile = common((left, top, _TILE, _TILE), whole) or whole
+            content = buffer.get(Gegl.Rectangle.new(*tile), 1.0, Format.RGBA_U8.value, Gegl.AbyssPolicy.NONE)
+            if content.count(0) < len(content):
+                tiles.append(tile)
+    if not tiles:
+        return None
+    left, top = (min(tile[axis] for tile in tiles) for axis in (0, 1))
+    right, bottom = (max(tile[axis] + tile[axis + 2] for tile in tiles) for axis in (0, 1))
+    return left, top, right - left, bottom - top
 
 
 def receive_strokes(folder: RequestFolder, layer: Gimp.Layer, raster: dict[str, Any]) -> None:
@@ -227,11 +270,13 @@ def send_reduced(
     bits; or, of a selection, a mask or a channel, as much as lies on the box.
     """
     if not isinstance(drawable, Gimp.Layer):
-        return _send_reduced(folder, drawable, name, scale, box, Format.MASK_U8.value, 1, place_of(drawable))
+        raster = _send_reduced(
+            folder, drawable, name, scale, box, Format.MASK_U8.value, 1, place_of(drawable)
+        )
+        return {**raster, "is_mask": True}
     with as_seen(image, drawable) as seen:
-        gray = image.get_base_type() == Gimp.ImageBaseType.GRAY
-        format_name = color_format(image, drawable, "uint8")
-        place, channels = place_of(seen), 2 if gray else 4
+        place, channels = place_of(seen), _channels(seen)
+        format_name = color_format(seen, "uint8", channels)
         raster = _send_reduced(folder, seen, name, scale, box, format_name, channels, place)
         mask = seen.get_mask()
         if mask is not None and seen.get_apply_mask():
@@ -347,11 +392,9 @@ def new_layer(image: Gimp.Image, name: str, raster: dict[str, Any]) -> Gimp.Laye
     )
 
 
-def receive_colors(
-    folder: RequestFolder, image: Gimp.Image, layer: Gimp.Layer, raster: dict[str, Any]
-) -> None:
+def receive_colors(folder: RequestFolder, layer: Gimp.Layer, raster: dict[str, Any]) -> None:
     """Fill an inserted layer with colours and opacity."""
-    receive(folder, raster, layer, color_format(image, layer, raster["dtype"]))
+    receive(folder, raster, layer, color_format(layer, raster["dtype"], raster["channels"]))
 
 
 def replaced(
@@ -367,7 +410,7 @@ def replaced(
         image.insert_layer(fresh, layer.get_parent(), image.get_item_position(layer))
         fresh.set_offsets(*list(layer.get_offsets())[1:])
         image.remove_layer(layer)
-    receive_colors(folder, image, fresh, raster)
+    receive_colors(folder, fresh, raster)
     return fresh
 
 

@@ -13,8 +13,10 @@ from pathlib import Path
 import numpy as np
 
 from toposeam.errors import ImageError
+from toposeam_cli.files.regular import check_pattern
 from toposeam_cli.media.pictures.colour import DEPTHS, INTENT
 from toposeam_cli.media.pictures.libvips import VipsImage, evaluate, load_vips, reason
+from toposeam_cli.media.pictures.pillow_formats import as_png, pillow_size
 
 #: Files of raw data, as cameras write them. libvips would take the small preview in some for the picture.
 _RAW = {
@@ -122,10 +124,7 @@ def decoding(path: Path, max_pixels: int) -> Iterator[Decoding]:
     check_input(path)
     vips = load_vips()
     try:
-        image = vips.Image.new_from_source(
-            vips.Source.new_from_file(os.fsencode(path)), "", access="sequential", fail_on="error"
-        )
-        refuse_large(path, image.width, image.height, max_pixels)
+        image = _opened(path, max_pixels)
         _check_pages(path, image)
         resolution = _resolution(image)
         orientation = image.get("orientation") if "orientation" in image.get_fields() else 1
@@ -146,6 +145,24 @@ def decoding(path: Path, max_pixels: int) -> Iterator[Decoding]:
                 "export it again with 32 bits"
             ) from error
         raise _unreadable(path, error) from error
+
+
+def _opened(path: Path, max_pixels: int) -> VipsImage:
+    """Open a picture, by libvips, or by Pillow what libvips does not know."""
+    vips = load_vips()
+    too_large = partial(refuse_large, path, max_pixels=max_pixels)
+    reading = {"access": "sequential", "fail_on": "error"}
+    try:
+        image = vips.Image.new_from_source(vips.Source.new_from_file(os.fsencode(path)), "", **reading)
+        too_large(image.width, image.height)
+        if "heif-compression" in image.get_fields() and image.get("heif-compression") == "hevc":
+            image = evaluate(image, image.copy_memory)  # only now it shows whether there is a decoder for it
+    except vips.Error:
+        content = as_png(path, too_large)
+        if content is None:
+            raise
+        return vips.Image.new_from_source(vips.Source.new_from_memory(content), "", **reading)
+    return image
 
 
 def refuse_large(path: Path, width: int, height: int, max_pixels: int, raisable: bool = True) -> None:
@@ -176,7 +193,10 @@ def size_of(path: Path) -> tuple[int, int]:
     try:
         image = vips.Image.new_from_source(vips.Source.new_from_file(os.fsencode(path)), "")
     except vips.Error as error:
-        raise _unreadable(path, error) from error
+        size = pillow_size(path)
+        if size is None:
+            raise _unreadable(path, error) from error
+        return size
     return image.width, image.height
 
 
@@ -185,11 +205,12 @@ def _unreadable(path: Path, error: Exception) -> ImageError:
     why = reason(error)
     if path.suffix.lower() in _HEIC:
         return ImageError(
-            f"cannot read '{path}' ({why}): this libvips does not decode most HEIC files; make a JPEG of it "
-            "first, as with 'heif-convert', or let the camera save JPEG (Most Compatible)"
+            f"cannot read '{path}' ({why}): this libvips does not decode most HEIC files; install "
+            "pillow-heif (pip install pillow-heif), make a JPEG of it first, as with 'heif-convert', or let "
+            "the camera save JPEG (Most Compatible)"
         )
     if "known format" in why:
-        why = "it is none of PNG, TIFF, JPEG, WebP, GIF and AVIF"
+        why = "it is none of PNG, TIFF, JPEG, WebP, GIF, AVIF, BMP and JPEG 2000"
     return ImageError(
         f"cannot read '{path}' ({why}): it is no picture or damaged; export it again as PNG or TIFF"
     )
@@ -219,6 +240,7 @@ def check_input(path: Path) -> None:
     except ImageError:
         raise
     except (FileNotFoundError, NotADirectoryError) as error:
+        check_pattern(path)
         raise ImageError(f"there is no file '{path}'; check its name and folder") from error
     except (OSError, ValueError) as error:
         raise ImageError(

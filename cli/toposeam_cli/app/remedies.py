@@ -1,0 +1,96 @@
+"""What to type instead of a line that cannot be understood: the very line, where it can be told."""
+
+from __future__ import annotations
+
+import difflib
+import os
+import shlex
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+
+#: Where the words of the command line are kept.
+WORDS = "toposeam.words"
+#: Results may have the suffix of what they are made of, if it is one of these.
+_WRITTEN = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".gif", ".mp4", ".mov", ".webm", ".npy")
+#: Words that look like pictures.
+_PICTURES = (*_WRITTEN, ".heic", ".avif", ".bmp", ".jp2", ".ora", ".pto", ".toml")
+
+
+def refuse_no_command(context: click.Context, commands: Sequence[str]) -> None:
+    """Refuse words that begin with no command, if it can be said what was meant.
+
+    Raises
+    ------
+    UsageError
+    """
+    words = list(context.meta[WORDS])
+    first = words[0]
+    files = [word for word in words if _is_file(word)]
+    if first == "help":
+        named = [word for word in words[1:] if word in commands]
+        raise click.UsageError(f"Write: {_line(['toposeam', *named[:1], '--help'])}", ctx=context)
+    if len(files) > 1 and (_is_file(first) or first.startswith("-")):
+        line = _with_output(["toposeam", "stitch", *words])
+        raise click.UsageError(f"No command is given; to join pictures, write: {line}", ctx=context)
+    if _is_file(first):
+        raise click.UsageError(
+            f"No command is given; say what to do with {first}: toposeam --help lists the commands",
+            ctx=context,
+        )
+    near = difflib.get_close_matches(first.lower(), commands, 1)
+    if near:
+        raise click.UsageError(f"No such command '{first}'. Did you mean '{near[0]}'?", ctx=context)
+
+
+def of_missing(error: click.MissingParameter) -> str | None:
+    """Return what to write where the name of the result is missing, else None."""
+    from toposeam_cli.app.options import is_output  # which loads the numerics
+
+    context = error.ctx
+    if context is None or error.param is None or not is_output(error.param):
+        return None
+    words = context.meta.get(WORDS)
+    if not words:
+        return None
+    return (
+        f"Missing option '-o', which says where the result goes; write: {_with_output(['toposeam', *words])}"
+    )
+
+
+def _with_output(words: list[str]) -> str:
+    """Return the line with ``-o`` before its last word if that is the name of a new file, else with a name
+    behind it, if it has no ``-o`` yet.
+    """
+    given = any(word in ("-o", "--output") or word.startswith("--output=") for word in words)
+    if not given:
+        files = [word for word in words if _is_file(word)]
+        last = words[-1]
+        is_new = last in files and len(files) > 2 and not Path(last).exists()
+        if is_new and Path(last).suffix.lower() in _WRITTEN and "*" not in last:
+            words = [*words[:-1], "-o", last]
+        else:
+            suffixes = (Path(word).suffix.lower() for word in files[:1])
+            suffix = next((suffix for suffix in suffixes if suffix in _WRITTEN), ".png")
+            words = [*words, "-o", f"result{suffix}"]
+    return _line(words)
+
+
+def _is_file(word: str) -> bool:
+    """Test whether a word names a file, or looks as if."""
+    return not word.startswith("-") and (Path(word).suffix.lower() in _PICTURES or Path(word).is_file())
+
+
+def _line(words: Sequence[str]) -> str:
+    """Return the words as a shell takes them."""
+    if os.name == "nt":
+        return subprocess.list2cmdline(words)
+    return " ".join(word if _is_plain(word) else shlex.quote(word) for word in words)
+
+
+def _is_plain(word: str) -> bool:
+    """Test whether a word is left as it was written; patterns of files were."""
+    bare = word.replace("*", "").replace("?", "")
+    return not bare or shlex.quote(bare) == bare

@@ -1,0 +1,120 @@
+"""Formats that libvips does not know, or not on every machine, as Pillow reads them: BMP, JPEG 2000, AVIF,
+and HEIC where pillow-heif is installed.
+
+What is read goes on as a PNG in memory, so that all that follows is as for a file that libvips reads.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from toposeam.errors import ImageError
+from toposeam_cli.media.pictures.libvips import evaluate, load_vips, to_vips, with_profile
+
+#: As Pillow calls them; nothing else of what it knows is tried.
+_FORMATS = ("BMP", "JPEG2000", "AVIF")
+
+
+def pillow_size(path: Path) -> tuple[int, int] | None:
+    """Return width and height of a picture, as its header has them; None if Pillow does not know it."""
+    with _opened(path) as image:
+        return None if image is None else image.size
+
+
+def as_png(path: Path, check: Callable[[int, int], None]) -> bytes | None:
+    """Return a picture as PNG with its depth, alpha, profile, orientation and metadata; None if Pillow does
+    not know it.
+
+    Parameters
+    ----------
+    path : Path
+    check : callable
+        Given width and height before anything is decoded; raises if they are too large.
+
+    Raises
+    ------
+    ImageError
+        If it is damaged.
+    """
+    with _opened(path) as image:
+        if image is None:
+            return None
+        check(*image.size)
+        try:
+            values = _values(image)
+        except Exception as error:  # Pillow's decoders raise all kinds
+            why = " ".join(str(error).split()) or "damaged"
+            raise ImageError(
+                f"cannot read '{path}' ({why}): it is damaged, or of a kind that Pillow does not read; "
+                "export it again as PNG or TIFF"
+            ) from error
+        return _encoded(values, image.info)
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    """Open a picture, its pixels not read yet, within the block; None if neither Pillow nor pillow-heif knows
+    it.
+    """
+    from PIL import Image
+
+    limit, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None  # ours are checked
+    try:
+        with warnings.catch_warnings(), ExitStack() as opened:
+            warnings.simplefilter("ignore")
+            try:
+                image: Any = opened.enter_context(Image.open(path, formats=_FORMATS))
+            except Exception:
+                image = _heif(path)
+            yield image
+    finally:
+        Image.MAX_IMAGE_PIXELS = limit
+
+
+def _heif(path: Path) -> Any:
+    """Open a HEIC file with all its bits, upright; None without pillow-heif, or if it does not know it."""
+    try:
+        import pillow_heif
+
+        image = pillow_heif.open_heif(path, convert_hdr_to_8bit=False)
+        pillow_heif.set_orientation(image.info)  # libheif has turned it upright
+        return image
+    except Exception:
+        return None
+
+
+def _values(image: Any) -> np.ndarray:
+    """Decode the pixels: (H, W) or (H, W, C), uint8 or uint16."""
+    if image.mode == "P":
+        image = image.convert("RGBA" if "transparency" in image.info else "RGB")
+    elif image.mode == "1":
+        image = image.convert("L")
+    elif image.mode not in ("L", "LA", "RGB", "RGBA", "I;16", "RGB;16", "RGBA;16"):
+        raise ValueError(f"its pixels are {image.mode}")
+    return np.asarray(image)
+
+
+def _encoded(values: np.ndarray, info: dict[str, Any]) -> bytes:
+    """Return the bytes of a PNG with metadata, packed little."""
+    values = np.atleast_3d(values)
+    colours = 1 if values.shape[2] < 3 else 3
+    image = to_vips(values[:, :, 0] if colours == 1 else values[:, :, :3])
+    if values.shape[2] > colours:
+        image = image.bandjoin(to_vips(values[:, :, colours]))
+    if info.get("icc_profile"):
+        image = with_profile(image, info["icc_profile"])
+    image = image.copy()
+    values_of = load_vips().GValue
+    for name, block in (("exif-data", info.get("exif")), ("xmp-data", info.get("xmp"))):
+        if block:
+            image.set_type(values_of.blob_type, name, block)
+    x, y = (float(value) / 25.4 for value in info.get("dpi", (72, 72)))  # 72 stands for not stated
+    image = image.copy(xres=x, yres=y)
+    content: bytes = evaluate(image, lambda: image.pngsave_buffer(compression=1))
+    return content

@@ -25,7 +25,7 @@ from toposeam.texture.exemplar.scale import SMALLEST_PATCH
 from toposeam.texture.exemplar.sources import DataRange, Images
 from toposeam.texture.holes.hole_window import Holed, read_holed
 from toposeam.texture.holes.homogeneity import is_texture
-from toposeam.texture.holes.shift_candidates import candidate_shifts
+from toposeam.texture.holes.shift_candidates import Shifts, candidate_shifts
 from toposeam.texture.holes.shift_map import shift_map
 from toposeam.texture.holes.shift_map_moves import Ground
 from toposeam.texture.light.levelling import levelled
@@ -174,15 +174,24 @@ def _by_shifts(
     """Fill holes by shifted copies of the picture."""
     band = check_whole("band", _BAND if band is None else band, 0)
     near = _disk_dilation(holed.hole, band) & holed.ground
+    stitched = list(_stitched(request, holed, near, restricted, progress))
     atlas, canvas = holed.canvas(request)
-    _stitch(request, holed, atlas, canvas, near, restricted, progress)
+    for (top, left), step, shows in stitched:
+        row, column = atlas.corners[0] + (top, left) + step
+        rows, columns = (
+            first + np.arange(length, dtype=np.int32) for first, length in zip((row, column), shows.shape)
+        )
+        canvas.paint(top, left, rows[:, np.newaxis] * np.int32(atlas.width) + columns, shows)
     settings |= {"band": band, "level": level}
     lift = None
     if level:
-        plane = atlas.spread(holed.sources.planes[0])
-        low, high = (float(limit(plane[atlas.usable])) for limit in (np.min, np.max))
-        added = levelled(plane, atlas.usable, canvas.index, near, (high - low) or 1.0)
-        lift = partial(_lift, added[box_of(near, request.smooth + 1)], (low, high))
+        plane, box = atlas.spread(holed.sources.planes[0]), box_of(near, request.smooth + 1)
+        seen = atlas.usable[..., np.newaxis]
+        high = plane.max(where=seen, initial=plane.min())
+        low = plane.min(where=seen, initial=high)
+        white = (float(high) - float(low)) or 1.0
+        added = levelled(plane, atlas.usable, canvas.index[box], near[box], white)
+        lift = partial(_lift, added, (float(low), float(high)))
     height, width = (side.stop - side.start for side in box_of(near))
     return finish(holed.sources, atlas, canvas, (height, width), settings, request.smooth, near, lift)
 
@@ -218,23 +227,24 @@ def _by_patches(
     return finish(sources, atlas, canvas, (side, side), settings, request.smooth, near)
 
 
-def _stitch(
+def _stitched(
     request: TextureRequest,
     holed: Holed,
-    atlas: Atlas,
-    canvas: IndexCanvas,
     near: Mask,
     restricted: bool,
     progress: Callable[[float], None] | None,
-) -> None:
-    """Fill each hole by shifted copies of the picture."""
+) -> Iterator[tuple[tuple[int, int], Shifts, Mask]]:
+    """Fill each hole by shifted copies of the picture; yield the corner of each, its shift, and where it
+    shows.
+    """
     hole, ground, copied = holed.hole, holed.ground, holed.sources.usable[0]
     rng, options = request.rng, request.options
-    itself = np.arange(atlas.usable.size, dtype=np.int32).reshape(atlas.usable.shape)[atlas.places[0]]
-    pieces = _grouped(hole, near)
+    box, pieces = _grouped(hole, near)
     done, total = 0, int(hole.sum())
     for number in range(1, int(pieces.max()) + 1):
-        part = hole & (pieces == number)
+        group = np.zeros(hole.shape, bool)
+        group[box] = pieces == number
+        part = hole & group
         seen = _surroundings(part, copied, restricted)
         features, missing = holed.sources.features[0][seen], hole[seen]
         piece = Atlas.of([(ground & ~hole)[seen]], options.context, [copied[seen]])
@@ -244,15 +254,14 @@ def _stitch(
             hole=part[seen],
             copied=copied[seen],
             present=ground[seen] & (~missing | part[seen]),
-            near=(near & (pieces == number))[seen],
+            near=near[seen] & group[seen],
         )
         report = stage(progress, done / total, int(part.sum()) / total)
         label = shift_map(view, shifts, options.method, report)
         for index in np.unique(label[label >= 0]).tolist():
-            box = box_of(label == index)
-            step = int(shifts[index, 0]) * atlas.width + int(shifts[index, 1])
-            at = box[0].start + seen[0].start, box[1].start + seen[1].start
-            canvas.paint(*at, itself[seen][box] + np.int32(step), label[box] == index)
+            shown = box_of(label == index)
+            at = shown[0].start + seen[0].start, shown[1].start + seen[1].start
+            yield at, shifts[index], label[shown] == index
         done += int(part.sum())
 
 
@@ -272,10 +281,13 @@ def _surroundings(part: Mask, copied: Mask, restricted: bool) -> tuple[slice, sl
     return near if np.count_nonzero(copied[near]) >= 2 * np.count_nonzero(part) else whole
 
 
-def _grouped(hole: Mask, near: Mask) -> npt.NDArray[np.int32]:
-    """Number the holes: (H, W), the number at each pixel in or near one; holes near each other have one
-    number.
+def _grouped(hole: Mask, near: Mask) -> tuple[tuple[slice, slice], npt.NDArray[np.int32]]:
+    """Number the holes: rows and columns round all of them, and there the number at each pixel in or near
+    one; holes near each other have one number.
     """
+    longest = max(side.stop - side.start for side in box_of(hole))
+    around = box_of(near | hole, max(2 * _BAND, round(_TOGETHER * longest)))
+    hole, near = hole[around], near[around]
     pieces, _ = ndimage.label(hole, np.ones((3, 3), bool))
     wide = np.zeros(hole.shape, bool)
     for number, box in enumerate(ndimage.find_objects(pieces), start=1):
@@ -285,8 +297,7 @@ def _grouped(hole: Mask, near: Mask) -> npt.NDArray[np.int32]:
             for side, limit in zip(box, hole.shape, strict=True)
         )
         wide[grown] |= ndimage.distance_transform_edt(pieces[grown] != number) <= reach
-    grouped: npt.NDArray[np.int32] = ndimage.label(wide | near)[0]
-    return grouped
+    return around, ndimage.label(wide | near)[0]
 
 
 def _windows(

@@ -65,7 +65,7 @@ def test_zero_tolerance_takes_the_best_place_for_any_seed(sample):
 def test_holes_near_each_other_are_filled_together():
     hole = np.zeros((60, 200), bool)
     hole[20:26, 20:26] = hole[20:26, 50:56] = hole[20:26, 150:156] = True
-    together = _grouped(hole, hole)
+    _, together = _grouped(hole, hole)
     # Small holes reach 16 px: the first two, 24 px apart, meet, the third does not.
     assert together[22, 22] == together[22, 52] != together[22, 152] != 0
 

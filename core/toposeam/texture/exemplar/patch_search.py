@@ -28,6 +28,8 @@ from toposeam.texture.exemplar.atlas import Atlas, Floats32
 _LEAST_SHARE = 0.25
 #: Pixels, about, by which places near those that the reduced search found are compared.
 _COMPARED = 1000
+#: Rows that are reduced at a time, so that large pictures take no more memory.
+_LINES = 256
 #: For this many windows of unlike weights, those that came last, what these say is kept: rows of patches have
 #: few kinds of them, what is mended never has the same twice.
 _KEPT = 16
@@ -311,7 +313,11 @@ def reduced(values: Floats32, weight: Floats32, factor: int) -> tuple[Floats32, 
     if factor == 1:
         return values.copy(), weight
     mass = _summed(weight[..., np.newaxis], factor)
-    total = _summed(values * weight[..., np.newaxis], factor)
+    total = np.empty((*mass.shape[:2], values.shape[2]), np.float32)
+    lines = max(_LINES // factor, 1)
+    for first in range(0, len(total), lines):
+        rows = slice(factor * first, factor * (first + lines))
+        total[first : first + lines] = _summed(values[rows] * weight[rows, :, np.newaxis], factor)
     total /= np.maximum(mass, np.float32(1e-9))
     return total, mass[..., 0] / np.float32(factor**2)
 

@@ -10,10 +10,13 @@ None is expected.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator, Sequence
+
 import numpy as np
 from scipy import ndimage
 
-from toposeam.images import Mask
+from toposeam.images import Mask, box_of
 from toposeam.texture.exemplar.atlas import Floats32
 from toposeam.texture.holes.distances import distance_from
 from toposeam.texture.light.levelling import membrane
@@ -25,6 +28,8 @@ _AROUND, _TOLD = 2.0, 0.8
 _RING, _LEAST = 0.5, 16
 #: Deviation of the blur of colours and contrasts, px; number of colours; number of bins of each.
 _BLUR, _COLOURS, _BINS = 1.5, 3, 12
+#: Boxes begin at multiples of this, px: a membrane is found on every so many rows and columns.
+_GRID = 128
 #: The share of the ring's pixels below which those of a bin are strange, and what a strange pixel counts, a
 #: difference from white to black being 1.
 _FEW, _STRANGE = 0.002, 2.0
@@ -42,36 +47,52 @@ def expectation(features: Floats32, hole: Mask, present: Mask) -> tuple[Floats32
 
     Returns
     -------
-    two (H, W, F + 2) float32 arrays
+    expected : (h, w, F + 2) float32 array
+        In the box that :func:`gap_box` gives.
+    like : (H, W, F + 2) float32 array
         The blurred features and contrast, and how strange the pixel is.
     """
     radius = float(np.sqrt(np.count_nonzero(hole) / np.pi))
     known = (present & ~hole).astype(np.float32)
-    planes = [*np.moveaxis(features, 2, 0), _contrast(features, known)]
-    like = _blurred(planes, known, float(np.clip(radius / 6, 1.5, 12)))
-    distance = distance_from(hole)
-    around = distance <= _AROUND * radius
-    ring = (distance <= max(_RING * radius, _LEAST)) & (known > 0)
+    around, ring = np.zeros(hole.shape, bool), np.zeros(hole.shape, bool)
+    width = max(_RING * radius, _LEAST)
+    near = box_of(hole, math.ceil(max(_AROUND * radius, width)))
+    distance = distance_from(hole[near])
+    around[near], ring[near] = distance <= _AROUND * radius, (distance <= width) & (known[near] > 0)
     del distance
-    seen = _blurred([*planes[:-1][:_COLOURS], planes[-1]], known, _BLUR)
-    strange = (_strange(seen, ring) * known)[..., np.newaxis]
-    del seen, planes
-    told = _told_by_lines(like, known * around)
-    left = like if told is None else like - told
-    expected = np.zeros((*known.shape, like.shape[2] + 1), np.float32)
-    expected[..., :-1] = membrane(left, hole | ~present)
-    del left
+    planes = [*np.moveaxis(features, 2, 0), _contrast(features, known)]
+    like = np.empty((*known.shape, len(planes) + 1), np.float32)
+    like[..., -1] = _strange([*planes[:-1][:_COLOURS], planes[-1]], known, ring)
+    for number, plane in enumerate(_blurred(planes, known, float(np.clip(radius / 6, 1.5, 12)))):
+        like[..., number] = plane
+    del planes
+    told = _told_by_lines(like[..., :-1], known * around)
+    gaps = hole | ~present
+    box = gap_box(gaps)
+    expected = np.zeros((*gaps[box].shape, like.shape[2]), np.float32)
+    left = like[box][..., :-1] if told is None else like[box][..., :-1] - told[box]
+    expected[..., :-1] = membrane(left, gaps[box])
     if told is not None:
-        expected[..., :-1] += told
-    return expected, np.concatenate([like, strange], axis=2)
+        expected[..., :-1] += told[box]
+    return expected, like
 
 
-def _blurred(planes: list[Floats32], known: Floats32, sigma: float) -> Floats32:
+def gap_box(gaps: Mask) -> tuple[slice, slice]:
+    """Select the rows and columns of a mask and of what decides what is expected there."""
+    rows, columns = (
+        slice(max(side.start // _GRID - 1, 0) * _GRID, side.stop + _GRID) for side in box_of(gaps)
+    )
+    return rows, columns
+
+
+def _blurred(planes: Sequence[Floats32], known: Floats32, sigma: float) -> Iterator[Floats32]:
+    """Blur what is known of each plane."""
     share = np.maximum(ndimage.gaussian_filter(known, sigma), 1e-6)
-    found = np.empty((*known.shape, len(planes)), np.float32)
-    for number, plane in enumerate(planes):
-        found[..., number] = ndimage.gaussian_filter(plane * known, sigma) / share
-    return found
+    for plane in planes:
+        blurred: Floats32 = plane * known
+        ndimage.gaussian_filter(blurred, sigma, output=blurred)
+        blurred /= share
+        yield blurred
 
 
 def _contrast(features: Floats32, known: Floats32) -> Floats32:
@@ -93,41 +114,47 @@ def _told_by_lines(like: Floats32, weight: Floats32) -> Floats32 | None:
     it.
     """
     best, found = _TOLD, None
-    mass = weight[..., np.newaxis]
-    centred = like - (like * mass).sum(axis=(0, 1)) / np.maximum(mass.sum(), 1)
-    whole = _weighted_square(centred, mass)
-    del centred
+    planes = np.moveaxis(like, 2, 0)
+    mass = max(float(weight.sum(dtype=float)), 1.0)
+    means = [float((plane * weight).sum(dtype=float)) / mass for plane in planes]
+    whole = sum(_weighted_square(plane - np.float32(mean), weight) for plane, mean in zip(planes, means, strict=True))
     if whole == 0:
         return found
     for axis in (1, 0):
-        count = mass.sum(axis=axis).ravel()
-        mean = (like * mass).sum(axis=axis) / np.maximum(count, 1)[:, np.newaxis]
+        count = weight.sum(axis=axis)
         every, seen = np.arange(len(count)), np.flatnonzero(count)
-        lines = np.stack([np.interp(every, seen, line[seen]) for line in mean.T], axis=1)
-        lines = np.expand_dims(lines, axis).astype(np.float32)
-        told = 1 - _weighted_square(like - lines, mass) / whole
+        lines = np.empty((len(count), len(planes)), np.float32)
+        for number, plane in enumerate(planes):
+            mean = (plane * weight).sum(axis=axis)[seen] / count[seen]
+            lines[:, number] = np.interp(every, seen, mean)
+        lines = np.expand_dims(lines, axis)
+        apart = sum(_weighted_square(plane - lines[..., number], weight) for number, plane in enumerate(planes))
+        told = 1 - apart / whole
         if told > best:
             best, found = told, np.broadcast_to(lines, like.shape)
     return found
 
 
-def _weighted_square(values: Floats32, mass: Floats32) -> float:
+def _weighted_square(values: Floats32, weight: Floats32) -> float:
     """Sum squares, each with its weight; the values are used up."""
     np.square(values, out=values)
-    values *= mass
-    return float(values.sum())
+    values *= weight
+    return float(values.sum(dtype=float))
 
 
-def _strange(like: Floats32, ring: Mask) -> Floats32:
+def _strange(planes: Sequence[Floats32], known: Floats32, ring: Mask) -> Floats32:
     """Compute how rarely something like each pixel occurs in a ring: (H, W), from 0 to `_STRANGE`."""
     bins = np.zeros(ring.shape, np.int32)
-    for plane in np.moveaxis(like, 2, 0):
+    for plane in _blurred(planes, known, _BLUR):
         bins *= _BINS
-        bins += np.clip(plane * _BINS, 0, _BINS - 1).astype(np.int32)
-    shape = (_BINS,) * like.shape[2]
+        plane *= _BINS
+        bins += np.clip(plane, 0, _BINS - 1, out=plane).astype(np.int32)
+    shape = (_BINS,) * len(planes)
     count = np.bincount(bins[ring], minlength=_BINS ** len(shape)).astype(np.float32).reshape(shape)
     for axis in range(count.ndim):
         count = ndimage.convolve1d(count, np.array([0.5, 1, 0.5], np.float32), axis, mode="constant")
     rare = np.exp(-count / np.float32(_FEW * max(int(np.count_nonzero(ring)), 1)))
-    result: Floats32 = (_STRANGE * rare.ravel()[bins]).astype(np.float32)
+    result: Floats32 = rare.ravel().take(bins)
+    result *= np.float32(_STRANGE)
+    result *= known
     return result

@@ -83,7 +83,8 @@ def _level(copied: Mask, hole: Mask) -> Shifts:
     """
     found: list[tuple[int, int]] = []
     for axis in (0, 1):
-        missing, given = (hole, copied) if axis == 0 else (hole.T, copied.T)
+        lines = box_of(hole)[axis]
+        missing, given = (hole[lines], copied[lines]) if axis == 0 else (hole[:, lines].T, copied[:, lines].T)
         width = missing.shape[1]
         size = sf.next_fast_len(2 * width, real=True)
         there = sf.rfft(given, size, axis=1)
@@ -106,7 +107,6 @@ def _level(copied: Mask, hole: Mask) -> Shifts:
 def _covering(copied: Mask, hole: Mask, shifts: Shifts, rng: np.random.Generator) -> Shifts:
     """Further shifts, so that every pixel of the hole has one that brings it something."""
     y, x = np.nonzero(hole)
-    rows, columns = np.nonzero(copied)
 
     def covered(shift: npt.NDArray[np.intp], pixels: npt.NDArray[np.intp]) -> npt.NDArray[np.bool_]:
         row, column = y[pixels] + shift[0], x[pixels] + shift[1]
@@ -118,7 +118,8 @@ def _covering(copied: Mask, hole: Mask, shifts: Shifts, rng: np.random.Generator
     left = np.arange(len(y))
     for shift in shifts:
         left = left[~covered(shift, left)]
-    more = []
+    more: list[npt.NDArray[np.intp]] = []
+    rows, columns = np.nonzero(copied) if len(left) else (left, left)
     while len(left):
         pick = left[rng.integers(len(left))]
         # Near places first: what is near is more likely alike.

@@ -25,9 +25,10 @@ import numpy as np
 
 from toposeam.seam.find import Method
 from toposeam.texture.canvas.progress import stage
+from toposeam.texture.exemplar.atlas import Ints32
 from toposeam.texture.holes.expectation import expectation
 from toposeam.texture.holes.shift_candidates import Shifts
-from toposeam.texture.holes.shift_map_moves import Ground, Ints, ShiftMoves
+from toposeam.texture.holes.shift_map_moves import Ground, ShiftMoves
 
 #: Pixels of the region that decides, at the coarsest stride.
 _COARSE = 1500
@@ -39,7 +40,7 @@ _SWEEPS, _FINE_SWEEPS = 3, 1
 
 def shift_map(
     ground: Ground, shifts: Shifts, method: Method, progress: Callable[[float], None] | None = None
-) -> Ints:
+) -> Ints32:
     """Find the shift of every pixel that costs least.
 
     Parameters
@@ -53,13 +54,13 @@ def shift_map(
 
     Returns
     -------
-    (H, W) int array
+    (H, W) int32 array
         Number of the shift at each pixel; -1 where the picture shows itself, and where nothing is allowed.
     """
     stride = 1
     while np.count_nonzero(ground.near) / stride**2 > _COARSE:
         stride *= 2
-    label = np.full(ground.hole.shape, -1, np.intp)
+    label = np.full(ground.hole.shape, -1, np.int32)
     expected, like = expectation(ground.features, ground.hole, ground.present)
     rows, columns = (np.flatnonzero(ground.near.any(axis=axis)) for axis in (1, 0))
     box = slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
@@ -77,5 +78,6 @@ def shift_map(
             elif report is not None:
                 report(1.0)
         label = moves.spread(label)
+        del moves  # a copy of the picture, before the next one is made
         stride //= 2
     return label

@@ -15,7 +15,8 @@ from toposeam.seam.labels import MethodOptions, decided_by
 from toposeam.seam.problem.overlap import FREE, TOUCHING, A, B, Overlap
 from toposeam.seam.problem.seam_problem import SeamProblem
 from toposeam.texture.canvas.progress import stage
-from toposeam.texture.exemplar.atlas import Floats32
+from toposeam.texture.exemplar.atlas import Floats32, Ints32
+from toposeam.texture.holes.expectation import gap_box
 from toposeam.texture.holes.shift_candidates import Shifts
 
 #: What the data term counts.
@@ -61,8 +62,9 @@ class ShiftMoves:
         Rows and columns of the picture where shifts are chosen.
     stride : int
         How far apart, px, the pixels that stand for all are.
-    expected, like : (H, W, F + n) float32 arrays
-        What the surroundings let expect, and what each pixel is like; the features first.
+    expected, like : (h, w, F + n), (H, W, F + n) float32 arrays
+        What the surroundings let expect in the box of what the picture lacks
+        (:func:`toposeam.texture.holes.expectation.gap_box`), and what each pixel is like; the features first.
     """
 
     def __init__(
@@ -86,24 +88,25 @@ class ShiftMoves:
         inside = ((self.rows >= 0) & (self.rows < height))[:, np.newaxis] & (
             (self.columns >= 0) & (self.columns < width)
         )
-        known = (ground.present & ~ground.hole).astype(np.float32)
-        if stride > 1:
-            share = np.maximum(ndimage.uniform_filter(known, stride), 1e-6)
-            features: Floats32 = np.empty(ground.features.shape, np.float32)
-            for number, plane in enumerate(np.moveaxis(ground.features, 2, 0)):
-                features[..., number] = ndimage.uniform_filter(plane * known, stride) / share
-            del share
-        else:
-            features = np.where(known[..., np.newaxis] > 0, ground.features, 0)
-        hole = ground.hole | ~ground.present
-        np.copyto(features, expected[..., : features.shape[2]], where=hole[..., np.newaxis])
+        gaps = ground.hole | ~ground.present
+        within = gap_box(gaps)
+        features = _averaged(ground.features, ~gaps, stride)
+        filled = gaps[within][..., np.newaxis]
+        np.copyto(features[within], expected[..., : features.shape[2]], where=filled)
         self.features = features
         at = np.ix_(np.clip(self.rows, 0, height - 1), np.clip(self.columns, 0, width - 1))
         self.hole = ground.hole[at] & inside
         self.present = ground.present[at] & inside
         self.near = ground.near[at] & self.present
         self.free = self.near.copy()
-        self.wanted = expected[at]
+        self.wanted = expected[
+            np.ix_(
+                *(
+                    np.clip(line - side.start, 0, length - 1)
+                    for line, side, length in zip((self.rows, self.columns), within, expected.shape, strict=False)
+                )
+            )
+        ]
         deepest = ndimage.distance_transform_edt(ground.hole[box_of(ground.hole, 1)]).max()
         radius = max(float(deepest), 1.0)
         self.weight = (np.float32(_DATA * stride / radius) * self.hole).astype(np.float32)
@@ -157,12 +160,12 @@ class ShiftMoves:
             better = self.hole & self.allows(index) & (data < best)
             best[better], self.label[better] = data[better], index
 
-    def refine(self, label: Ints, coarser: int) -> None:
+    def refine(self, label: Ints32, coarser: int) -> None:
         """Start from a coarser stride's labels; only near its seams anything is decided again."""
         height, width = label.shape
         at = np.ix_(np.clip(self.rows, 0, height - 1), np.clip(self.columns, 0, width - 1))
         found = label[at]
-        self.label = np.where((found < 0) | ~self.near, self.itself, found)
+        self.label = np.where((found < 0) | ~self.near, self.itself, found).astype(np.intp)
         wrong = self.hole & (self.label == self.itself)
         for index in np.unique(self.label).tolist():
             wrong |= (self.label == index) & ~self.allows(index) & self.near
@@ -338,10 +341,10 @@ class ShiftMoves:
         )
         return _decided(problem, label.shape)
 
-    def spread(self, before: Ints) -> Ints:
+    def spread(self, before: Ints32) -> Ints32:
         """Return the labels at full size: each stands for the pixels round it."""
         stride = self.stride
-        result = np.full(before.shape, -1, np.intp)
+        result = np.full(before.shape, -1, np.int32)
         height, width = before.shape
         rows = np.repeat(np.arange(len(self.rows)), stride)
         columns = np.repeat(np.arange(len(self.columns)), stride)
@@ -363,6 +366,19 @@ def _grown(part: Part) -> Part:
     """Return a part with one more pixel on every side; slices end by themselves."""
     rows, columns = (slice(max(side.start - 1, 0), side.stop + 1) for side in part)
     return rows, columns
+
+
+def _averaged(features: Floats32, known: Mask, stride: int) -> Floats32:
+    """Compute the mean of what is known in the square round each pixel; 0 where nothing is."""
+    found: Floats32 = np.where(known[..., np.newaxis], features, np.float32(0))
+    if stride == 1:
+        return found
+    share = known.astype(np.float32)
+    np.maximum(ndimage.uniform_filter(share, stride), np.float32(1e-6), out=share)
+    for plane in np.moveaxis(found, 2, 0):
+        plane[...] = ndimage.uniform_filter(plane, stride)
+        plane /= share
+    return found
 
 
 def _norm(a: Floats32, b: Floats32) -> Floats32:

@@ -103,12 +103,6 @@ def levelled(
     (H, W, C) float32 array
         0 outside of the region.
     """
-    valid, stride = usable.ravel(), plane.shape[1]
-    copied_from = plane.reshape(-1, plane.shape[2])
-
-    def values(index: Ints32) -> Floats32:
-        return copied_from.take(index, axis=0).astype(np.float32, copy=False)
-
     result = np.zeros((*index.shape, plane.shape[2]), np.float32)
     if not region.any():
         return result
@@ -117,23 +111,36 @@ def levelled(
         max(int(rows[0]) - 1, 0) : int(rows[-1]) + 2, max(int(columns[0]) - 1, 0) : int(columns[-1]) + 2
     ]
     part, inside = index[box], region[box] & (index[box] >= 0)
-    steps: Steps = []
-    for (s, t), step in zip(_NEIGHBOURS, (1, stride), strict=True):
-        p, q = np.maximum(part[s], 0), np.maximum(part[t], 0)
-        ahead, behind = np.minimum(p + step, len(valid) - 1), np.maximum(q - step, 0)
-        known_p = (valid[p] & valid[ahead] & (part[s] >= 0))[..., np.newaxis]
-        known_q = (valid[q] & valid[behind] & (part[t] >= 0))[..., np.newaxis]
-        count = np.maximum(known_p.astype(np.float32) + known_q, 1)
-        at_p, at_q, at_ahead, at_behind = values(p), values(q), values(ahead), values(behind)
-        mean = ((at_ahead - at_p) * known_p + (at_q - at_behind) * known_q) / count
-        apart = (np.abs(at_ahead - at_q) * known_p + np.abs(at_p - at_behind) * known_q) / count
-        weight = 1 / (1 + (apart.max(axis=2) / (_LIGHT * white)) ** 4)
-        weight[(part[s] < 0) | (part[t] < 0)] = 0
-        steps.append((mean, weight.astype(np.float32)))
-    copied = np.where(part[..., np.newaxis] >= 0, values(np.maximum(part, 0)), np.float32(0))
+    steps = [_steps(plane, usable, part, axis, white) for axis in (1, 0)]
+    copied = np.where(part[..., np.newaxis] >= 0, _values(plane, np.maximum(part, 0)), np.float32(0))
     if inside.any():
         result[box][inside] = _poisson(copied, inside, steps) - copied[inside]
     return result
+
+
+def _steps(
+    plane: npt.NDArray[Any], usable: Mask, index: Ints32, axis: int, white: float
+) -> tuple[Floats32, Floats32]:
+    """Compute the step from each pixel to the next one along an axis as its copies have it, and its weight;
+    arguments as for :func:`levelled`.
+    """
+    (s, t), step = _NEIGHBOURS[1 - axis], plane.shape[1] if axis == 0 else 1
+    valid, shown = usable.ravel(), (index[s] >= 0) & (index[t] >= 0)
+    p, q = np.maximum(index[s], 0), np.maximum(index[t], 0)
+    ahead, behind = np.minimum(p + step, len(valid) - 1), np.maximum(q - step, 0)
+    known_p = (valid[p] & valid[ahead] & (index[s] >= 0))[..., np.newaxis]
+    known_q = (valid[q] & valid[behind] & (index[t] >= 0))[..., np.newaxis]
+    count = np.maximum(known_p.astype(np.float32) + known_q, 1)
+    at_p, at_q, at_ahead, at_behind = (_values(plane, places) for places in (p, q, ahead, behind))
+    mean = ((at_ahead - at_p) * known_p + (at_q - at_behind) * known_q) / count
+    apart = (np.abs(at_ahead - at_q) * known_p + np.abs(at_p - at_behind) * known_q) / count
+    weight = 1 / (1 + (apart.max(axis=2) / (_LIGHT * white)) ** 4)
+    return mean, np.where(shown, weight, 0).astype(np.float32)
+
+
+def _values(plane: npt.NDArray[Any], index: Ints32) -> Floats32:
+    found: Floats32 = plane.reshape(-1, plane.shape[2]).take(index, axis=0).astype(np.float32, copy=False)
+    return found
 
 
 def _poisson(values: Floats32, region: Mask, steps: Steps) -> Floats32:
@@ -152,48 +159,53 @@ def _poisson(values: Floats32, region: Mask, steps: Steps) -> Floats32:
     (n, F) float32 array
         Per pixel of the region, in raster order.
     """
-    number = np.full(region.shape, -1, np.intp)
+    number = np.full(region.shape, -1, np.int32)
     n = int(region.sum())
-    number[region] = np.arange(n)
-    # What nothing holds keeps its value.
-    diagonal = np.full(n, 1e-6)
+    number[region] = np.arange(n, dtype=np.int32)
     wanted = 1e-6 * values[region].astype(np.float64)
-    tails, heads, weights = [], [], []
-    for (s, t), (step, weight) in zip(_NEIGHBOURS, steps, strict=True):
-        for first, second, sign in ((s, t, -1.0), (t, s, 1.0)):
+    # Of each row of the matrix, in the order of its columns: the pixel above, to the left, itself, and so on.
+    columns, entries = np.full((n, 5), -1, np.int32), np.zeros((n, 5))
+    columns[:, 2] = np.arange(n)
+    # What nothing holds keeps its value.
+    entries[:, 2] = 1e-6
+    for (s, t), (step, weight), places in zip(_NEIGHBOURS, steps, ((3, 1), (4, 0)), strict=True):
+        for first, second, sign, place in ((s, t, -1.0, places[0]), (t, s, 1.0, places[1])):
             inner = region[first] & (weight > 0)
             here, there, share = number[first][inner], number[second][inner], weight[inner].astype(np.float64)
-            diagonal += np.bincount(here, share, n)
+            entries[here, 2] += share
             wanted[here] += sign * share[:, np.newaxis] * step[inner]
             outside = there < 0
             wanted[here[outside]] += share[outside, np.newaxis] * values[second][inner][outside]
-            tails.append(here[~outside])
-            heads.append(there[~outside])
-            weights.append(-share[~outside])
-    tail, head = np.concatenate(tails), np.concatenate(heads)
-    matrix = sparse.csc_matrix((np.concatenate(weights), (tail, head)), (n, n)) + sparse.diags(diagonal)
-    matrix = sparse.csc_matrix(matrix)
+            columns[here, place] = there
+            entries[here, place] = -share
+    held = columns >= 0
+    ends = np.concatenate([[0], np.cumsum(np.count_nonzero(held, axis=1))])
+    matrix = sparse.csr_matrix((entries[held], columns[held], ends), (n, n))
+    del number, columns, entries, held
     if n <= _DIRECT:
-        solved = linalg.splu(matrix, **_SYMMETRIC).solve(wanted)
+        solved = linalg.splu(sparse.csc_matrix(matrix), **_SYMMETRIC).solve(wanted)
     else:
-        solved = _iterated(sparse.csr_matrix(matrix), wanted, values[region].astype(np.float64), region)
-    result: Floats32 = solved.astype(np.float32)
+        solved = _iterated(matrix, wanted, values[region], region)
+    result: Floats32 = solved.astype(np.float32, copy=False)
     return result
 
 
-def _iterated(matrix: sparse.csr_matrix, wanted: Floats, start: Floats, region: Mask) -> Floats32:
-    """Solve by conjugate gradients for all channels at once, with a coarse system to carry what is far: one
-    unknown for each block of pixels.
+def _iterated(matrix: sparse.csr_matrix, wanted: Floats, found: Floats32, region: Mask) -> Floats32:
+    """Solve by conjugate gradients for all channels at once, from what is given first, with a coarse system
+    to carry what is far: one unknown for each block of pixels.
     """
     side = max(_BLOCK, round(np.sqrt(len(wanted) / _DIRECT)))
-    rows, columns = np.nonzero(region)
+    rows, columns = (line.astype(np.int32) for line in np.nonzero(region))
     _, block = np.unique(rows // side * region.shape[1] + columns // side, return_inverse=True)
-    gathered = sparse.csr_matrix((np.ones(len(block)), (block, np.arange(len(block)))))
-    coarse = linalg.splu(sparse.csc_matrix(gathered @ matrix @ gathered.T), **_SYMMETRIC)
-    spread, diagonal = sparse.csr_matrix(gathered.T), matrix.diagonal()[:, np.newaxis]
-    found, rest = start.astype(np.float32), (wanted - matrix @ start).astype(np.float32)
-    single, share = matrix.astype(np.float32), (1 / diagonal).astype(np.float32)
+    del rows, columns
+    n, count = len(block), int(block.max()) + 1
+    spread = sparse.csr_matrix((np.ones(n), block.astype(np.int32), np.arange(n + 1)), (n, count))
+    gathered = sparse.csr_matrix(spread.T)
+    coarse = linalg.splu(sparse.csc_matrix(gathered @ (matrix @ spread)), **_SYMMETRIC)
+    rest = (wanted - matrix @ found.astype(np.float64)).astype(np.float32)
     goal = _TOLERANCE * np.sqrt(np.square(wanted).sum(axis=0))
+    share = (1 / matrix.diagonal()[:, np.newaxis]).astype(np.float32)
+    single = sparse.csr_matrix((matrix.data.astype(np.float32), matrix.indices, matrix.indptr), matrix.shape)
     way, before = np.zeros_like(rest), np.ones(rest.shape[1])
     for _ in range(_MOST_STEPS):
         if (np.sqrt(np.square(rest).sum(axis=0, dtype=float)) <= goal).all():

@@ -45,9 +45,9 @@ _BAND = 8
 _SHIFTS = 32
 #: Holes nearer to each other than this share of their size are filled together.
 _TOGETHER = 0.25
-#: Of pictures of more pixels only about this many near a hole are searched, and to either side of the hole at
-#: least as far as the side of a square as large as its bounding box.
-_LOOKED_AT = 1 << 20
+#: Of pictures of more pixels only about this many near a hole are searched, and at least this share of the
+#: hole's size to either side.
+_LOOKED_AT, _AROUND = 1 << 20, 1.5
 
 By = Literal["auto", "patches", "shifts"]
 BYS: tuple[By, ...] = get_args(By)
@@ -273,8 +273,7 @@ def _surroundings(part: Mask, copied: Mask, restricted: bool) -> tuple[slice, sl
     if part.size <= _LOOKED_AT:
         return whole
     box = box_of(part)
-    height, width = (side.stop - side.start for side in box)
-    reach = max(math.isqrt(_LOOKED_AT) // 2, math.isqrt(height * width))
+    reach = max(math.isqrt(_LOOKED_AT) // 2, round(_AROUND * max(side.stop - side.start for side in box)))
     near = box_of(part, reach)
     if restricted and copied.any():
         near = box_of(copied | part, 1)

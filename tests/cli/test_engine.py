@@ -261,3 +261,22 @@ def test_a_larger_core_shows_more_of_a_patch_as_texts_say(request_folder, pair):
     (field,) = (each for entry in SEAM_ENTRIES for each in entry.options if each.name == "core")
     for text in (option.help, field.help):
         assert re.search(r"outwards.* must |must .* outwards", text)
+
+
+@pytest.mark.parametrize(
+    ("changes", "phrase"),
+    [
+        ({"height": None}, "give file, height, width, channels and dtype"),
+        ({"height": "tall"}, "give file, height, width, channels and dtype"),
+        ({"height": -30}, "send it again"),
+        ({"height": 10**12}, "send it again"),
+        ({"dtype": "float64"}, "use one of uint8"),
+        ({"file": "gone.raw"}, "is not in the request's folder"),
+        ({"file": "../a.raw"}, "is not the name of a file"),
+    ],
+    ids=str,
+)
+def test_pixels_that_are_described_wrongly_are_refused(request_folder, pair, changes, phrase):
+    layers = [request_folder.raster("a", pair[0]), request_folder.raster("b", pair[1], (20, 5))]
+    layers[1] = {name: value for name, value in {**layers[1], **changes}.items() if value is not None}
+    assert phrase in message_of(request_folder.ask(operation="stitch", layers=layers))

@@ -15,7 +15,6 @@ from toposeam.checks import Seed, check_choice, check_function, check_whole
 from toposeam.errors import ImageError, OptionError, Term
 from toposeam.images import Mask, box_of
 from toposeam.texture.assemble_result import finish
-from toposeam.texture.canvas.index_canvas import IndexCanvas
 from toposeam.texture.canvas.progress import stage
 from toposeam.texture.canvas.rendering import Lift
 from toposeam.texture.canvas.synthesis import Synthesis
@@ -179,7 +178,8 @@ def _by_shifts(
     for (top, left), step, shows in stitched:
         row, column = atlas.corners[0] + (top, left) + step
         rows, columns = (
-            first + np.arange(length, dtype=np.int32) for first, length in zip((row, column), shows.shape)
+            first + np.arange(length, dtype=np.int32)
+            for first, length in zip((row, column), shows.shape, strict=True)
         )
         canvas.paint(top, left, rows[:, np.newaxis] * np.int32(atlas.width) + columns, shows)
     settings |= {"band": band, "level": level}

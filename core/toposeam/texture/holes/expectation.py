@@ -117,7 +117,9 @@ def _told_by_lines(like: Floats32, weight: Floats32) -> Floats32 | None:
     planes = np.moveaxis(like, 2, 0)
     mass = max(float(weight.sum(dtype=float)), 1.0)
     means = [float((plane * weight).sum(dtype=float)) / mass for plane in planes]
-    whole = sum(_weighted_square(plane - np.float32(mean), weight) for plane, mean in zip(planes, means, strict=True))
+    whole = sum(
+        _weighted_square(plane - np.float32(mean), weight) for plane, mean in zip(planes, means, strict=True)
+    )
     if whole == 0:
         return found
     for axis in (1, 0):
@@ -128,7 +130,9 @@ def _told_by_lines(like: Floats32, weight: Floats32) -> Floats32 | None:
             mean = (plane * weight).sum(axis=axis)[seen] / count[seen]
             lines[:, number] = np.interp(every, seen, mean)
         lines = np.expand_dims(lines, axis)
-        apart = sum(_weighted_square(plane - lines[..., number], weight) for number, plane in enumerate(planes))
+        apart = sum(
+            _weighted_square(plane - lines[..., number], weight) for number, plane in enumerate(planes)
+        )
         told = 1 - apart / whole
         if told > best:
             best, found = told, np.broadcast_to(lines, like.shape)

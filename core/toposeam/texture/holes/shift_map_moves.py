@@ -103,7 +103,9 @@ class ShiftMoves:
             np.ix_(
                 *(
                     np.clip(line - side.start, 0, length - 1)
-                    for line, side, length in zip((self.rows, self.columns), within, expected.shape, strict=False)
+                    for line, side, length in zip(
+                        (self.rows, self.columns), within, expected.shape, strict=False
+                    )
                 )
             )
         ]

@@ -76,3 +76,11 @@ def test_gray_pictures_stay_gray_and_bad_ones_are_refused():
         given = {"repeat": "p2", "cell": (8, 8)} | options
         with pytest.raises(ts.OptionError, match=text):
             ts.motif.kaleidoscope(np.ones((20, 20)), given.pop("repeat"), given.pop("cell"), **given)
+
+
+def test_progress_rises_to_the_end():
+    shares = []
+    ts.motif.kaleidoscope(np.zeros((8, 8)), "p4m", (600, 600), progress=shares.append)
+    assert shares == sorted(shares)
+    assert len(shares) > 1
+    assert shares[-1] == 1

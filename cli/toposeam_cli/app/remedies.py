@@ -11,6 +11,8 @@ from pathlib import Path
 
 import click
 
+from toposeam.sentence import printable
+
 #: Where the words of the command line are kept.
 WORDS = "toposeam.words"
 #: Results may have the suffix of what they are made of, if it is one of these.
@@ -87,7 +89,7 @@ def _line(words: Sequence[str]) -> str:
     """Return the words as a shell takes them."""
     if os.name == "nt":
         return subprocess.list2cmdline(words)
-    return " ".join(word if _is_plain(word) else shlex.quote(word) for word in words)
+    return printable(" ".join(word if _is_plain(word) else shlex.quote(word) for word in words))
 
 
 def _is_plain(word: str) -> bool:

@@ -16,6 +16,9 @@ def clear(layer):
 
 ERRORS = {
     "no layer": (lambda: ts.stitch([]), ts.OptionError, "at least two"),
+    "a number": (lambda: ts.stitch(3), ts.OptionError, "say where it lies"),
+    "numbers": (lambda: ts.stitch([3, 4]), ts.OptionError, "say where it lies"),
+    "no sequence": (lambda: ts.find_places(2.5), ts.OptionError, "pass"),
     "one layer": (lambda: ts.stitch([crop(0, 0)]), ts.OptionError, "at least two"),
     "apart": (lambda: ts.stitch([crop(0, 0), crop(100, 0)]), ts.OverlapError, "move one of them"),
     "side by side": (lambda: ts.stitch([crop(0, 0), crop(40, 0)]), ts.OverlapError, "move one of them"),

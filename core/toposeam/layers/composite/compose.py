@@ -215,7 +215,11 @@ def _with_places(
 ) -> tuple[Sequence[Layer], int | None]:
     """Find the places of images that are given without any, and the canvas's width if it goes round."""
     images = as_layers(layers)
-    if len(images) > 1 and not any(image is layer for image, layer in zip(images, layers, strict=True)):
+    if (
+        isinstance(images, tuple)
+        and len(images) > 1
+        and not any(image is layer for image, layer in zip(images, layers, strict=True))
+    ):
         found = find_places(images, executor=executor)
         for reason in found.left_out.values():
             warnings.warn(f"left out: {reason}", stacklevel=4)

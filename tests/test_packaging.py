@@ -299,3 +299,33 @@ def test_documents_name_what_installing_brings(document):
     text = (HERE / document).read_text(encoding="utf-8").lower()
     assert not [name for name in names if not re.search(rf"\b{re.escape(name)}\b", text)]
     assert not [f"[{extra}]" for extra in extras if f"[{extra}]" not in text and f"`{extra}`" not in text]
+
+
+def test_recipes_have_the_fields_and_dependencies_that_are_listed():
+    listed = set(
+        re.findall(r"`([A-Z][A-Z\d_]{3,})`", (HERE / "packaging/README.md").read_text(encoding="utf-8"))
+    )
+    recipe = (HERE / "packaging/conda/recipe.yaml").read_text(encoding="utf-8")
+    assert listed == set(re.findall(r"\b[A-Z\d]+_(?:URL|SHA256)\b|\bMAINTAINER\b", recipe))
+    project = tomllib.loads((HERE / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    wanted = [*project["dependencies"], *project["optional-dependencies"]["cli"]]
+    names = {re.match(r"[\w-]+", one)[0].lower(): re.search(r">=([\d.]+)", one)[1] for one in wanted}
+    run = dict(re.findall(r"^    - ([\w-]+) >=([\d.]+)$", recipe.partition("  run:")[2], re.MULTILINE))
+    assert run == {
+        name: floor for name, floor in names.items() if name != "qdldl"
+    }  # which conda does not have
+    assert f'version: "{project_version()}"' in recipe
+
+
+def project_version():
+    return re.search(
+        r'__version__ = "(.+)"', (HERE / "core/toposeam/__init__.py").read_text(encoding="utf-8")
+    )[1]
+
+
+def test_the_dockerfile_installs_extras_that_there_are():
+    project = tomllib.loads((HERE / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    (extras,) = re.findall(
+        r"/source\[([\w,]+)\]", (HERE / "packaging/Dockerfile").read_text(encoding="utf-8")
+    )
+    assert set(extras.split(",")) <= set(project["optional-dependencies"])

@@ -377,8 +377,9 @@ class Fuzzer:
             )
         ):
             return f"no sentence: {told[-500:]!r}"
-        if words[:2] == ("gimp", "install") and result.exit_code == 0:
-            self.remembered = self.states()  # a folder that was named gets the plug-in
+        if tuple(words[:2]) == ("gimp", "install") or words[0] == "book":
+            now = self.states()  # they add files to a folder that is named
+            self.remembered |= {name: now[name] for name in now.keys() - self.remembered.keys()}
         if self.states() != self.remembered:
             return "an input has changed"
         if self.door.came:

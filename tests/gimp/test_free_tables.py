@@ -63,7 +63,11 @@ def test_every_rule_and_palette_has_its_picture():
         f"palette-{name}.png" for name in ts.motif.PALETTES
     }
     assert {file.name for file in (PLUG_IN / "pictures").glob("*.png")} == wanted
-    assert (PLUG_IN / "pictures" / "dice-symbolic.svg").is_file()
+    drawings = {file.name for file in (PLUG_IN / "pictures").glob("*.svg")}
+    assert drawings == {
+        "dice-symbolic.svg",
+        *(f"icon-{menu}.svg" for menu in ("layers", "textures", "wallpapers")),
+    }
     for entry in PROCEDURES.values():
         for option in entry.options:
             if option.pictures:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -26,6 +26,8 @@ from toposeam_cli.stitching.seam_files import given_seams
 
 #: Below this correlation two pictures hardly show the same.
 _STRANGE = 0.1
+#: So many pairs of pictures are named in warnings of one kind.
+_SHOWN = 3
 
 
 def shared_work(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -149,23 +151,30 @@ def strangers(job: PlacedPictures, wrap: int | None = None, executor: Executor |
     given also all the way round, or that match elsewhere.
     """
     if job.placement is not None:
-        return [
+        return _few(
             f"{job.layers[i].name} and {job.layers[j].name} match where the other pictures do not place "
             "them; this match was left out"
             for i, j in job.placement.outvoted
-        ]
+        )
     layers, count = list(job.layers), len(job.layers)
     if wrap is not None:
         right = max(layer.at[0] + layer.image.shape[1] for layer in layers)
         again = [index for index, layer in enumerate(layers) if layer.at[0] + wrap < right]
         layers += [replace(layers[k], at=(layers[k].at[0] + wrap, layers[k].at[1])) for k in again]
-    return [
+    return _few(
         f"{layers[i].name} and {layers[j].name} hardly show the same where they overlap"
         f"{'' if j < count else ' all the way round'} (correlation {value:.2f}); check where they lie"
         f"{'' if j < count else ' and how wide --wrap is'}"
         for (i, j), value in ts.layers.correlations(layers, executor=executor).items()
         if value < _STRANGE and i < count
-    ]
+    )
+
+
+def _few(sentences: Iterable[str]) -> list[str]:
+    """Return the first sentences about pairs of pictures, and how many more there are."""
+    found = list(sentences)
+    more = len(found) - _SHOWN
+    return found if more < 2 else [*found[:_SHOWN], f"the same holds for {more} more pairs of pictures"]
 
 
 def composed_as(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
@@ -150,14 +151,15 @@ def fill(
             parameter=Term("patch" if overlap is None else "overlap"),
             shifts=Term("by", value="shifts"),
         )
-    holed = read_holed(request, image, mask, source, avoid)
+    holed = read_holed(request, image, mask, source, avoid, features=False)
     if by == "auto":
         texture = patch is not None or overlap is not None
-        texture = texture or is_texture(holed.sources.features[0], holed.hole, holed.ground)
+        texture = texture or is_texture(partial(holed.sources.features_in, 0), holed.hole, holed.ground)
         by = "patches" if texture else "shifts"
     settings = {"by": by, "pixels": int(holed.hole.sum()), **request.settings}
     if by == "shifts":
         return _by_shifts(request, holed, band, level, source is not None, settings, progress)
+    holed = dataclasses.replace(holed, sources=holed.sources.with_features())
     return _by_patches(request, holed, patch, overlap, band, settings, progress)
 
 
@@ -176,10 +178,10 @@ def _by_shifts(
     stitched = list(_stitched(request, holed, near, restricted, progress))
     atlas, canvas = holed.canvas(request)
     for (top, left), step, shows in stitched:
-        row, column = atlas.corners[0] + (top, left) + step
+        start = atlas.corners[0] + np.array([top, left]) + step
         rows, columns = (
-            first + np.arange(length, dtype=np.int32)
-            for first, length in zip((row, column), shows.shape, strict=True)
+            np.int32(first) + np.arange(length, dtype=np.int32)
+            for first, length in zip(start, shows.shape, strict=True)
         )
         canvas.paint(top, left, rows[:, np.newaxis] * np.int32(atlas.width) + columns, shows)
     settings |= {"band": band, "level": level}
@@ -244,17 +246,20 @@ def _stitched(
     for number in range(1, int(pieces.max()) + 1):
         group = np.zeros(hole.shape, bool)
         group[box] = pieces == number
-        part = hole & group
+        part, beside = hole & group, near & group
+        del group
         seen = _surroundings(part, copied, restricted)
-        features, missing = holed.sources.features[0][seen], hole[seen]
+        missing = hole[seen]
         piece = Atlas.of([(ground & ~hole)[seen]], options.context, [copied[seen]])
-        shifts = candidate_shifts(piece, piece.spread([features]), part[seen], missing, _SHIFTS, rng)
+        features = piece.spread([holed.sources.features_in(0, seen)])
+        shifts = candidate_shifts(piece, features, part[seen], missing, _SHIFTS, rng)
+        del features, piece
         view = Ground(
-            features=features,
+            planes=partial(holed.sources.feature_planes, 0, seen),
             hole=part[seen],
             copied=copied[seen],
             present=ground[seen] & (~missing | part[seen]),
-            near=near[seen] & group[seen],
+            near=beside[seen],
         )
         report = stage(progress, done / total, int(part.sum()) / total)
         label = shift_map(view, shifts, options.method, report)

@@ -1,3 +1,5 @@
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -267,6 +269,20 @@ def test_of_a_large_picture_only_what_is_near_is_looked_at(monkeypatch):
     spoiled = np.where(hole, 0, image).astype(np.uint8)
     made = ts.fill(spoiled, hole, by="shifts")
     np.testing.assert_array_equal(made.image, image)
+
+
+@pytest.mark.medium
+def test_filling_a_large_picture_takes_little_memory():
+    image = np.random.default_rng(0).integers(0, 256, (1200, 1200, 3), np.uint8)
+    hole = np.zeros((1200, 1200), bool)
+    hole[500:700, 500:700] = True
+    tracemalloc.start()
+    try:
+        ts.fill(image, hole, by="shifts")
+        _, most = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert most / hole.size < 75  # bytes a pixel: 60; 151 where floats of the whole picture were held
 
 
 def test_a_hole_in_an_order_is_filled_in_step_with_it():

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import dataclasses
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,12 +12,15 @@ import numpy.typing as npt
 
 from toposeam.checks import Name, check_items, check_number, term_of
 from toposeam.errors import ImageError, OptionError, Term
-from toposeam.images import Image, Mask, as_array, as_float, as_mask, full_scale
+from toposeam.images import Image, Mask, as_array, as_float, as_mask, check_values, full_scale
 from toposeam.texture.exemplar.atlas import Floats32
 
 Images = npt.ArrayLike | Sequence[npt.ArrayLike]
 #: What counts as white in the picture, or in the picture and each of its maps.
 DataRange = float | Sequence[float | None] | None
+#: Rows and columns of an exemplar.
+Window = tuple[slice, slice]
+WHOLE: Window = np.s_[:, :]
 #: What differs by less than this share of white is not seen: one of 8 bits' levels.
 UNSEEN_STEP = 0.004
 #: Rows of an exemplar that are looked at first.
@@ -36,9 +40,12 @@ class Sources:
         (H, W, C) array per exemplar.
     gray : tuple of bool
         Per map, whether it came without a channel axis.
+    compared : tuple of (int, float, float or None)
+        The maps whose channels are features: number, weight, and what counts as white. Of maps that vary more
+        than the picture the weight is less, so that none counts for more than the picture.
     features : tuple of (H, W, F) float32 arrays
-        Per exemplar, the channels of all maps times the root of the map's weight; maps that vary more than
-        the picture are scaled down to as much first.
+        Per exemplar, the channels of all maps times the root of the map's weight; empty where nobody asked
+        for them.
     present : tuple of (H, W) bool arrays
         Where the exemplar has pixels.
     usable : tuple of (H, W) bool arrays
@@ -53,7 +60,8 @@ class Sources:
 
     planes: tuple[tuple[npt.NDArray[Any], ...], ...]
     gray: tuple[bool, ...]
-    features: tuple[Floats32, ...]
+    compared: tuple[tuple[int, float, float | None], ...]
+    features: tuple[Floats32, ...] = ()
     present: tuple[Mask, ...]
     usable: tuple[Mask, ...]
     has_alpha: bool
@@ -66,6 +74,34 @@ class Sources:
     def shapes(self) -> tuple[tuple[int, int], ...]:
         """Height and width of each exemplar."""
         return tuple((mask.shape[0], mask.shape[1]) for mask in self.usable)
+
+    def feature_planes(self, exemplar: int = 0, window: Window = WHOLE) -> Iterator[Floats32]:
+        """Work out the features of a window of an exemplar, (h, w) each, one after another."""
+        there, share = self.present[exemplar][window], None
+        if self.transparent and self.has_alpha:
+            opacity = self.planes[-1][exemplar][window][..., 0]
+            share = (opacity / full_scale(opacity.dtype)).astype(np.float32)
+        for number, weight, white in self.compared:
+            plane = self.planes[number][exemplar][window]
+            for channel in range(plane.shape[2]):
+                values = as_float(_where(there, plane[..., channel]), data_range=white)[..., 0]
+                if share is not None and number != len(self.planes) - 1:
+                    values *= share
+                if weight != 1:
+                    values *= np.float32(np.sqrt(weight))
+                yield values
+
+    def features_in(self, exemplar: int = 0, window: Window = WHOLE) -> Floats32:
+        """Stack the features of a window of an exemplar: (h, w, F)."""
+        count = sum(self.planes[number][exemplar].shape[2] for number, *_ in self.compared)
+        result = np.empty((*self.present[exemplar][window].shape, count), np.float32)
+        for number, plane in enumerate(self.feature_planes(exemplar, window)):
+            result[..., number] = plane
+        return result
+
+    def with_features(self) -> Sources:
+        """Return sources that hold their features."""
+        return dataclasses.replace(self, features=tuple(map(self.features_in, range(len(self.present)))))
 
 
 def as_list(images: Images | None, count: int, name: Name) -> list[Any]:
@@ -101,6 +137,7 @@ def read_sources(
     data_range: DataRange = None,
     name: str = "source",
     transparent: bool = False,
+    features: bool = True,
 ) -> Sources:
     """Check exemplars and all that belongs to them.
 
@@ -122,6 +159,8 @@ def read_sources(
         What the caller calls the exemplars, for messages.
     transparent : bool
         Whether opacity is part of the picture, so that places without any are copied like others.
+    features : bool
+        Whether the result holds all features.
 
     Raises
     ------
@@ -185,19 +224,19 @@ def read_sources(
     if factors[0] > 0:
         maps_end = len(planes) - has_alpha
         factors[1:maps_end] = _evened(planes[:maps_end], labels, factors, white, present)
-    features = []
     for exemplar, there in enumerate(present):
         labels[0] = names[exemplar]
-        values = [
-            (label, as_float(_where(there, plane[exemplar]), label, one), factor)
-            for label, plane, factor, one in zip(labels, planes, factors, white, strict=False)
-            if factor > 0
-        ]
-        features.append(_features(values, opacity[exemplar] if transparent else None))
-    return Sources(
+        for label, plane, factor, one in zip(labels, planes, factors, white, strict=False):
+            if factor > 0:
+                check_values(_where(there, plane[exemplar]), label, one)
+    read = Sources(
         planes=tuple(planes),
         gray=tuple(gray),
-        features=tuple(features),
+        compared=tuple(
+            (number, factor, one)
+            for number, (factor, one) in enumerate(zip(factors, white, strict=True))
+            if factor > 0 and number < len(planes)
+        ),
         present=tuple(present),
         usable=tuple(usable),
         has_alpha=has_alpha,
@@ -205,6 +244,7 @@ def read_sources(
         transparent=transparent,
         own_features=planes[0][0].shape[2] if factors[0] > 0 else 0,
     )
+    return read.with_features() if features else read
 
 
 def _evened(
@@ -330,22 +370,12 @@ def _check_usable(usable: Sequence[Mask], masks: Sequence[Mask | None], name: st
     )
 
 
-def _features(planes: list[tuple[Term, Floats32, float]], opacity: Image | None) -> Floats32:
-    """Stack planes, each times the root of its weight; what cannot be seen is not compared."""
-    share = None
-    if opacity is not None:
-        share = np.atleast_3d((opacity / full_scale(opacity.dtype)).astype(np.float32))
-    for label, values, weight in planes:
-        if share is not None and label is not _ALPHA:
-            values *= share
-        if weight != 1:
-            values *= np.float32(np.sqrt(weight))
-    return planes[0][1] if len(planes) == 1 else np.concatenate([values for _, values, _ in planes], axis=2)
-
-
 def _where(present: Mask, values: Image) -> Image:
-    """Set an exemplar's values to 0 where it has no pixels."""
-    return values if present.all() else np.where(present[..., np.newaxis], values, values.dtype.type(0))
+    """Set an exemplar's values, or those of a channel, to 0 where it has no pixels."""
+    if present.all():
+        return values
+    shown = present if values.ndim == 2 else present[..., np.newaxis]
+    return np.where(shown, values, values.dtype.type(0))
 
 
 def _alike(images: Sequence[Image], names: Sequence[Term]) -> tuple[npt.NDArray[Any], ...]:

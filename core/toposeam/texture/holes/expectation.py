@@ -11,7 +11,9 @@ None is expected.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import chain, islice
+from typing import Any
 
 import numpy as np
 from scipy import ndimage
@@ -20,6 +22,11 @@ from toposeam.images import Mask, box_of
 from toposeam.texture.exemplar.atlas import Floats32
 from toposeam.texture.holes.distances import distance_from
 from toposeam.texture.light.levelling import membrane
+
+#: The features of a picture, (H, W) each, one after another.
+Planes = Callable[[], Iterable[Floats32]]
+
+_NEIGHBOURS: Any = ((np.s_[:-1], np.s_[1:]), (np.s_[:, :-1], np.s_[:, 1:]))
 
 #: How far round a hole, in radii of a disc of its area, rows and columns are compared, and what share of the
 #: variance they have to explain to count: 0.95 in a field with a skyline, 0.7 at most where there is none.
@@ -35,13 +42,13 @@ _GRID = 128
 _FEW, _STRANGE = 0.002, 2.0
 
 
-def expectation(features: Floats32, hole: Mask, present: Mask) -> tuple[Floats32, Floats32]:
+def expectation(planes: Planes, hole: Mask, present: Mask) -> tuple[Floats32, Floats32]:
     """Estimate what is expected at each pixel, and what each is like.
 
     Parameters
     ----------
-    features : (H, W, F) float32 array
-        The picture; anything in the hole.
+    planes : callable
+        Returns the features of the picture, (H, W) float32 arrays, one after another; anything in the hole.
     hole, present : (H, W) bool array
         What has to go, and where the picture has pixels.
 
@@ -60,12 +67,15 @@ def expectation(features: Floats32, hole: Mask, present: Mask) -> tuple[Floats32
     distance = distance_from(hole[near])
     around[near], ring[near] = distance <= _AROUND * radius, (distance <= width) & (known[near] > 0)
     del distance
-    planes = [*np.moveaxis(features, 2, 0), _contrast(features, known)]
-    like = np.empty((*known.shape, len(planes) + 1), np.float32)
-    like[..., -1] = _strange([*planes[:-1][:_COLOURS], planes[-1]], known, ring)
-    for number, plane in enumerate(_blurred(planes, known, float(np.clip(radius / 6, 1.5, 12)))):
+    contrast, count = _contrast(planes, known)
+    strange = _strange([*islice(planes(), _COLOURS), contrast], known, ring)
+    like = np.empty((*known.shape, count + 2), np.float32)
+    like[..., -1] = strange
+    del strange
+    sigma = float(np.clip(radius / 6, 1.5, 12))
+    for number, plane in enumerate(_blurred(chain(planes(), [contrast]), known, sigma)):
         like[..., number] = plane
-    del planes
+    del contrast
     told = _told_by_lines(like[..., :-1], known * around)
     gaps = hole | ~present
     box = gap_box(gaps)
@@ -85,7 +95,7 @@ def gap_box(gaps: Mask) -> tuple[slice, slice]:
     return rows, columns
 
 
-def _blurred(planes: Sequence[Floats32], known: Floats32, sigma: float) -> Iterator[Floats32]:
+def _blurred(planes: Iterable[Floats32], known: Floats32, sigma: float) -> Iterator[Floats32]:
     """Blur what is known of each plane."""
     share = np.maximum(ndimage.gaussian_filter(known, sigma), 1e-6)
     for plane in planes:
@@ -95,18 +105,20 @@ def _blurred(planes: Sequence[Floats32], known: Floats32, sigma: float) -> Itera
         yield blurred
 
 
-def _contrast(features: Floats32, known: Floats32) -> Floats32:
-    """Compute twice the steps to the next pixels, over all channels."""
+def _contrast(planes: Planes, known: Floats32) -> tuple[Floats32, int]:
+    """Compute twice the steps to the next pixels, over all planes, and count these."""
     steps = np.zeros(known.shape, np.float32)
-    for axis in (0, 1):
-        both = np.minimum(known, np.roll(known, -1, axis))
-        step = np.zeros_like(steps)
-        for plane in np.moveaxis(features, 2, 0):
-            step += np.abs(np.roll(plane, -1, axis) - plane)
-        step *= both
-        step[(slice(-1, None), slice(None)) if axis == 0 else (slice(None), slice(-1, None))] = 0
-        steps += step
-    return 2 * steps
+    for first, second in _NEIGHBOURS:
+        step: Floats32 = np.zeros(steps[first].shape, np.float32)
+        count = 0
+        for plane in planes():
+            step += np.abs(plane[second] - plane[first])
+            count += 1
+        step *= known[first]
+        step *= known[second]
+        steps[first] += step
+    steps *= 2
+    return steps, count
 
 
 def _told_by_lines(like: Floats32, weight: Floats32) -> Floats32 | None:

@@ -54,6 +54,7 @@ def read_holed(
     avoid: npt.ArrayLike | None = None,
     *,
     empty: bool = False,
+    features: bool = True,
 ) -> Holed:
     """Read a picture and what has to go.
 
@@ -64,6 +65,8 @@ def read_holed(
         As for :func:`toposeam.fill`.
     empty : bool
         Whether nothing may have to go.
+    features : bool
+        Whether the sources hold all their features.
 
     Raises
     ------
@@ -103,4 +106,4 @@ def read_holed(
         )
     if np.issubdtype(array.dtype, np.floating):  # whatever the hole holds
         array = np.where(gone[..., np.newaxis] if array.ndim == 3 else gone, 0, array).astype(array.dtype)
-    return Holed(sources=request.read(array, copied, "image"), hole=gone, ground=ground)
+    return Holed(sources=request.read(array, copied, "image", features=features), hole=gone, ground=ground)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from scipy import ndimage
@@ -20,19 +21,20 @@ _SMALL, _LARGE = 24, 48
 _MEANS, _CONTRASTS = 0.2, 0.3
 
 
-def is_texture(features: Floats32, hole: Mask, known: Mask) -> bool:
+def is_texture(features: Callable[[tuple[slice, slice]], Floats32], hole: Mask, known: Mask) -> bool:
     """Test whether a picture is alike everywhere round a hole.
 
     Parameters
     ----------
-    features : (H, W, F) float32 array
+    features : callable
+        Returns the (h, w, F) features of some rows and columns.
     hole, known : (H, W) bool array
         What has to go, and where there are values.
     """
     radius = float(np.sqrt(np.count_nonzero(hole) / np.pi))
     reach = max(_RADII * radius, _LEAST)
     box = box_of(hole, math.ceil(reach))
-    features, hole, known = features[box], hole[box], known[box]
+    seen, hole, known = features(box), hole[box], known[box]
     near = (ndimage.distance_transform_edt(~hole) <= reach) & known & ~hole
     if not near.any():
         return True
@@ -43,10 +45,10 @@ def is_texture(features: Floats32, hole: Mask, known: Mask) -> bool:
         for left in range(int(columns[0]), int(columns[-1]) + 1, side // 2):
             block = np.s_[top : top + side, left : left + side]
             if 2 * np.count_nonzero(near[block]) >= side * side:
-                values = features[block][near[block]]
+                values = seen[block][near[block]]
                 means.append(values.mean(axis=0))
                 contrasts.append(float(values.std(axis=0).mean()))
-    whole = float(features[near].var(axis=0).sum())
+    whole = float(seen[near].var(axis=0).sum())
     if len(means) < 4 or whole == 0 or not any(contrasts):
         return True
     between = float(np.var(means, axis=0).sum()) / whole

@@ -60,11 +60,11 @@ def shift_map(
     stride = 1
     while np.count_nonzero(ground.near) / stride**2 > _COARSE:
         stride *= 2
-    label = np.full(ground.hole.shape, -1, np.int32)
-    expected, like = expectation(ground.features, ground.hole, ground.present)
+    expected, like = expectation(ground.planes, ground.hole, ground.present)
     rows, columns = (np.flatnonzero(ground.near.any(axis=axis)) for axis in (1, 0))
     box = slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
     first, levels = stride, int(np.log2(stride)) + 1
+    label = np.full(ground.near[box].shape, -1, np.int32)
     for level in range(levels):
         report = stage(progress, level / levels, 1 / levels)
         moves = ShiftMoves(ground, shifts, box, stride, expected, like)
@@ -77,7 +77,9 @@ def shift_map(
                 moves.sweep(np.unique(moves.label).tolist(), _FINE_SWEEPS, method, report)
             elif report is not None:
                 report(1.0)
-        label = moves.spread(label)
+        label = moves.spread()
         del moves  # a copy of the picture, before the next one is made
         stride //= 2
-    return label
+    result = np.full(ground.hole.shape, -1, np.int32)
+    result[box] = label
+    return result

@@ -16,7 +16,7 @@ from toposeam.seam.problem.overlap import FREE, TOUCHING, A, B, Overlap
 from toposeam.seam.problem.seam_problem import SeamProblem
 from toposeam.texture.canvas.progress import stage
 from toposeam.texture.exemplar.atlas import Floats32, Ints32
-from toposeam.texture.holes.expectation import gap_box
+from toposeam.texture.holes.expectation import Planes, gap_box
 from toposeam.texture.holes.shift_candidates import Shifts
 
 #: What the data term counts.
@@ -41,8 +41,8 @@ EVERYWHERE: Part = np.s_[:, :]
 class Ground:
     """The picture that shifts copy from."""
 
-    #: (H, W, F) float32, what is compared; anything in the hole.
-    features: Floats32
+    #: What is compared, anything in the hole; made again each time, as floats would take much memory.
+    planes: Planes
     #: (H, W) bool: what has to go; what may be copied; where the picture has pixels.
     hole: Mask
     copied: Mask
@@ -62,7 +62,7 @@ class ShiftMoves:
         Rows and columns of the picture where shifts are chosen.
     stride : int
         How far apart, px, the pixels that stand for all are.
-    expected, like : (h, w, F + n), (H, W, F + n) float32 arrays
+    expected, like : (h, w, F + 2), (H, W, F + 2) float32 arrays
         What the surroundings let expect in the box of what the picture lacks
         (:func:`toposeam.texture.holes.expectation.gap_box`), and what each pixel is like; the features first.
     """
@@ -76,7 +76,7 @@ class ShiftMoves:
         expected: Floats32,
         like: Floats32,
     ) -> None:
-        self.ground, self.stride = ground, stride
+        self.ground, self.stride, self.box = ground, stride, box
         # The last one is the picture itself.
         self.shifts = np.concatenate([shifts, np.zeros((1, 2), np.intp)])
         self.itself = len(shifts)
@@ -90,25 +90,17 @@ class ShiftMoves:
         )
         gaps = ground.hole | ~ground.present
         within = gap_box(gaps)
-        features = _averaged(ground.features, ~gaps, stride)
+        features = np.empty((height, width, expected.shape[2] - 2), np.float32)
+        _average(ground.planes(), ~gaps, stride, out=features)
         filled = gaps[within][..., np.newaxis]
         np.copyto(features[within], expected[..., : features.shape[2]], where=filled)
         self.features = features
-        at = np.ix_(np.clip(self.rows, 0, height - 1), np.clip(self.columns, 0, width - 1))
+        at = self._at(EVERYWHERE, (height, width))
         self.hole = ground.hole[at] & inside
         self.present = ground.present[at] & inside
         self.near = ground.near[at] & self.present
         self.free = self.near.copy()
-        self.wanted = expected[
-            np.ix_(
-                *(
-                    np.clip(line - side.start, 0, length - 1)
-                    for line, side, length in zip(
-                        (self.rows, self.columns), within, expected.shape, strict=False
-                    )
-                )
-            )
-        ]
+        self.wanted = expected[self._at(within, expected.shape)]
         deepest = ndimage.distance_transform_edt(ground.hole[box_of(ground.hole, 1)]).max()
         radius = max(float(deepest), 1.0)
         self.weight = (np.float32(_DATA * stride / radius) * self.hole).astype(np.float32)
@@ -116,6 +108,16 @@ class ShiftMoves:
         self.label = np.full(self.hole.shape, self.itself, np.intp)
         #: How far beyond their edges shifts expand; None for anywhere.
         self._reach: int | None = None
+
+    def _at(self, box: tuple[slice, slice], shape: tuple[int, ...]) -> tuple[npt.NDArray[np.intp], ...]:
+        """Return the index that reads the region in an array that covers a box of the picture; what lies
+        beyond is as its border.
+        """
+        rows, columns = (
+            np.clip(line - (side.start or 0), 0, length - 1)
+            for line, side, length in zip((self.rows, self.columns), box, shape, strict=False)
+        )
+        return np.ix_(rows, columns)
 
     def shown(self, label: Ints, dy: int = 0, dx: int = 0, part: Part = EVERYWHERE) -> Floats32:
         """Return what a labelling of a part of the region brings to each pixel's neighbour (dy, dx)."""
@@ -164,9 +166,7 @@ class ShiftMoves:
 
     def refine(self, label: Ints32, coarser: int) -> None:
         """Start from a coarser stride's labels; only near its seams anything is decided again."""
-        height, width = label.shape
-        at = np.ix_(np.clip(self.rows, 0, height - 1), np.clip(self.columns, 0, width - 1))
-        found = label[at]
+        found = label[self._at(self.box, label.shape)]
         self.label = np.where((found < 0) | ~self.near, self.itself, found).astype(np.intp)
         wrong = self.hole & (self.label == self.itself)
         for index in np.unique(self.label).tolist():
@@ -343,18 +343,14 @@ class ShiftMoves:
         )
         return _decided(problem, label.shape)
 
-    def spread(self, before: Ints32) -> Ints32:
-        """Return the labels at full size: each stands for the pixels round it."""
-        stride = self.stride
-        result = np.full(before.shape, -1, np.int32)
-        height, width = before.shape
-        rows = np.repeat(np.arange(len(self.rows)), stride)
-        columns = np.repeat(np.arange(len(self.columns)), stride)
-        top, left = int(self.rows[0]) - stride // 2, int(self.columns[0]) - stride // 2
-        y, x = top + np.arange(len(rows)), left + np.arange(len(columns))
-        on_y, on_x = (y >= 0) & (y < height), (x >= 0) & (x < width)
-        result[np.ix_(y[on_y], x[on_x])] = self.label[np.ix_(rows[on_y], columns[on_x])]
-        result[(result == self.itself) | ~self.ground.near] = -1
+    def spread(self) -> Ints32:
+        """Return the labels of the box at full size: each stands for the pixels round it."""
+        rows, columns = (
+            (np.arange(side.start, side.stop) - (int(line[0]) - self.stride // 2)) // self.stride
+            for side, line in zip(self.box, (self.rows, self.columns), strict=True)
+        )
+        result: Ints32 = self.label[np.ix_(rows, columns)].astype(np.int32)
+        result[(result == self.itself) | ~self.ground.near[self.box]] = -1
         return result
 
 
@@ -370,17 +366,19 @@ def _grown(part: Part) -> Part:
     return rows, columns
 
 
-def _averaged(features: Floats32, known: Mask, stride: int) -> Floats32:
-    """Compute the mean of what is known in the square round each pixel; 0 where nothing is."""
-    found: Floats32 = np.where(known[..., np.newaxis], features, np.float32(0))
+def _average(planes: Iterable[Floats32], known: Mask, stride: int, out: Floats32) -> None:
+    """Compute the mean of what is known in the square round each pixel, (H, W, F); 0 where nothing is."""
+    for number, plane in enumerate(planes):
+        out[..., number] = plane
+    out *= known[..., np.newaxis]
     if stride == 1:
-        return found
+        return
     share = known.astype(np.float32)
-    np.maximum(ndimage.uniform_filter(share, stride), np.float32(1e-6), out=share)
-    for plane in np.moveaxis(found, 2, 0):
-        plane[...] = ndimage.uniform_filter(plane, stride)
-        plane /= share
-    return found
+    ndimage.uniform_filter(share, stride, output=share)
+    np.maximum(share, np.float32(1e-6), out=share)
+    for found in np.moveaxis(out, 2, 0):
+        ndimage.uniform_filter(found, stride, output=found)
+        found /= share
 
 
 def _norm(a: Floats32, b: Floats32) -> Floats32:

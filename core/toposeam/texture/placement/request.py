@@ -118,6 +118,7 @@ class TextureRequest:
         name: str,
         *,
         transparent: bool = False,
+        features: bool = True,
     ) -> Sources:
         """Read exemplars with what belongs to them (:func:`read_sources`)."""
         return read_sources(
@@ -130,4 +131,5 @@ class TextureRequest:
             data_range=self.data_range,
             name=name,
             transparent=transparent,
+            features=features,
         )

@@ -22,6 +22,15 @@ def disc(shape, row, column, radius):
     return np.hypot(y - row, x - column) <= radius
 
 
+def ground_of(image, hole, near):
+    """A picture from everywhere outside of a hole of which is copied."""
+
+    def planes():
+        return np.moveaxis(image, 2, 0)
+
+    return Ground(planes=planes, hole=hole, copied=~hole, present=np.ones_like(hole), near=near)
+
+
 def two_alike(sample):
     """A picture whose right half is its left half, with a hole in the left one."""
     half = sample(0, (120, 90), channels=3)
@@ -135,9 +144,9 @@ def test_maps_are_cut_alike_and_not_levelled(sample):
 def test_textures_are_told_from_photographs(name):
     image = getattr(skimage.data, name)()[:256, :256] / np.float32(255)
     hole = disc(image.shape, 120, 130, 40)
-    assert is_texture(image[..., np.newaxis], hole, ~hole)
+    assert is_texture(image[..., np.newaxis].__getitem__, hole, ~hole)
     photograph = skimage.data.astronaut()[:256, 256:] / np.float32(255)
-    assert not is_texture(photograph, hole, ~hole)
+    assert not is_texture(photograph.__getitem__, hole, ~hole)
 
 
 def test_a_membrane_continues_a_slope_and_levelling_an_offset():
@@ -167,8 +176,8 @@ def test_moves_lower_the_cost_below_what_chance_finds(sample):
     near = ndimage.binary_dilation(hole, iterations=2)
     rng = np.random.default_rng(5)
     shifts = np.array([(0, 20), (18, 0), (-17, 5), (9, -21)])
-    ground = Ground(features=image, hole=hole, copied=~hole, present=np.ones_like(hole), near=near)
-    like = np.concatenate([image, image[..., :1]], axis=2)
+    ground = ground_of(image, hole, near)
+    like = np.concatenate([image, image[..., :2]], axis=2)
     box = np.s_[22:39], np.s_[22:39]
     moves = ShiftMoves(ground, shifts, box, 1, like, like)
     moves.begin()
@@ -195,13 +204,13 @@ def test_a_large_region_is_decided_in_windows_at_little_cost(sample, monkeypatch
     hole = disc((120, 130), 60, 64, 34)
     near = ndimage.binary_dilation(hole, iterations=4)
     shifts = np.array([(0, 70), (62, 0), (-64, 5), (9, -75), (-70, -8)])
-    ground = Ground(features=image, hole=hole, copied=~hole, present=np.ones_like(hole), near=near)
-    like = np.concatenate([image, image[..., :1]], axis=2)
+    ground = ground_of(image, hole, near)
+    like = np.concatenate([image, image[..., :2]], axis=2)
     box = np.s_[20:101, 24:105]
     start = ShiftMoves(ground, shifts, box, 4, like, like)
     start.begin()
     start.sweep(range(5), 3, "heat", None)
-    label, costs, windows = start.spread(np.full(hole.shape, -1)), [], []
+    label, costs, windows = start.spread(), [], []
     for at_once in (10**9, 0):
         monkeypatch.setattr(shift_moves, "_AT_ONCE", at_once)
         monkeypatch.setattr(shift_moves, "_SIDE", 24)

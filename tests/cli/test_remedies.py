@@ -42,7 +42,7 @@ def test_a_name_with_a_space_is_quoted_in_it(folder, toposeam):
     assert "stitch 'a picture.png' b.png -o c.png" in toposeam("a picture.png", "b.png", "-o", "c.png").err
 
 
-@pytest.mark.parametrize("name", ["a" * 400, "a" * 400 + ".png", "a\0b"])
+@pytest.mark.parametrize("name", ["a" * 400, "a" * 400 + ".png"])
 def test_names_that_no_file_can_have_are_answered(folder, toposeam, name):
     toposeam("tile", name).fails("write: toposeam tile", 2)
 

@@ -18,6 +18,7 @@ from toposeam.layers.canvas.largest_rectangle import largest_full
 from toposeam.layers.canvas.layer import Box, extent_of
 from toposeam.layers.canvas.tile_map import all_of, any_of, blocks, cover_of, new_map
 from toposeam_cli.figures.search import SUFFIXES as SEARCH_SUFFIXES
+from toposeam_cli.files.regular import real_path
 from toposeam_cli.files.writing import PICTURE_SUFFIXES, all_or_nothing, atomic_write, check_output
 from toposeam_cli.media.pictures.background import colour_of, on_background
 from toposeam_cli.media.pictures.deep_zoom import check_deep_zoom, write_deep_zoom
@@ -120,7 +121,7 @@ def check_outputs(out: Outputs) -> None:
         if path is not None:
             check_output(path, out.force)
     paths = out.output, out.seam, out.labels, out.overlay, out.history, out.save_layout, out.report
-    given = [path.resolve() for path in paths if path is not None]
+    given = [real_path(path) for path in paths if path is not None]
     if len(set(given)) < len(given):
         raise ts.OptionError("two outputs have the same name; give each a name of its own")
     if suffix == ".ora" and (out.crop is not None or out.background is not None):

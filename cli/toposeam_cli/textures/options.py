@@ -27,6 +27,7 @@ from toposeam_cli.app.options import (
     quiet_option,
     refuse_besides,
 )
+from toposeam_cli.files.regular import real_path
 from toposeam_cli.files.writing import all_or_nothing, atomic_write, check_output
 from toposeam_cli.media.pictures.picture import (
     Picture,
@@ -323,7 +324,7 @@ class Destinations:
         if self.seams is not None:
             check_output(self.seams, self.force, (".svg",))
             pictures.append(self.seams)
-        if len({path.resolve() for path in pictures}) < len(pictures):
+        if len({real_path(path) for path in pictures}) < len(pictures):
             raise ts.OptionError("two outputs have the same name; give each a name of its own")
 
     def check(self, pictures: Sequence[Picture], maps: Maps) -> None:

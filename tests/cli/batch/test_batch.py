@@ -394,3 +394,13 @@ def test_a_killed_batch_resumes_and_leaves_no_partial_files(process, started, pa
     assert ran.code == 0, ran
     assert "done before" in ran.out
     assert sorted(contents(pairs / "out")) == [f"{index}.png" for index in range(4)]
+
+
+def test_links_that_lead_to_themselves_are_a_sentence(toposeam, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "loop.png").symlink_to(tmp_path / "loop.png")
+    (tmp_path / "jobs.toml").write_text('[[stitch]]\nfiles = ["loop.png", "loop.png"]\noutput = "loop.png"\n')
+    ran = toposeam("batch", "jobs.toml", "--dry-run")
+    assert "inside TopoSeam" not in ran.err
+    assert ran.code in (0, 1)
+    assert len(ran.err.splitlines()) <= 1

@@ -41,6 +41,18 @@ def test_objects_on_a_ground_are_told_from_gravel_and_brick():
     assert nothing is None or np.isfinite(nothing).all()
 
 
+def test_small_objects_are_found_and_mortar_is_none():
+    y, x = np.mgrid[:SIDE, :SIDE]
+    noise = 0.04 * np.random.default_rng(1).normal(size=(SIDE, SIDE))
+    discs = np.hypot(y % 20 - 10, (x + 7 * (y // 20)) % 20 - 10) < 5
+    mortar = ((y % 32) < 4) | (((x + 20 * (y // 32 % 2)) % 40) < 4)
+    for shown, found in ((discs, True), (mortar, False)):
+        image = (np.where(shown, 0.2, 0.8) + noise).astype(np.float32)[..., np.newaxis]
+        assert (landmarks(image, np.ones(shown.shape, bool), 1).guard is not None) == found
+    bricks = data.brick()[192:384, 192:384, np.newaxis] / np.float32(255)
+    assert landmarks(bricks, np.ones(bricks.shape[:2], bool), 1).guard is None
+
+
 def test_a_seam_pays_for_objects_unless_they_are_continued():
     guard = np.arange(100, dtype=np.float32)
     padded = np.full((4, 5), -1, np.int32)

@@ -143,7 +143,7 @@ def test_the_version_is_stated_once():
 
 @pytest.mark.medium
 def test_what_is_offered_exists_once():
-    rooms = [ts, *(value for value in vars(ts).values() if isinstance(value, ModuleType))]
+    rooms = [ts, *(value for name in ts.__all__ if isinstance(value := getattr(ts, name), ModuleType))]
     names = [name.split(".")[-1] for name in public_names()]
     assert len(names) == len(set(names))
     for room in rooms:
@@ -164,9 +164,7 @@ def test_rooms_show_nothing_but_what_they_offer():
 
 def test_every_error_is_ours_and_a_builtin():
     errors = [
-        value
-        for value in public_names().values()
-        if isinstance(value, type) and issubclass(value, Exception)
+        value for value in public_names().values() if isinstance(value, type) and issubclass(value, Exception)
     ]
     assert len(errors) > 5
     for error in errors:

@@ -16,7 +16,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check
 
 $(INSTALLED): pyproject.toml
 	"$(PYTHON)" -m venv $(VENV)
-	$(PIP) install --quiet --no-compile --editable .
+	$(PIP) install --quiet --no-compile --editable '.[cli]'
 	@touch $@
 
 $(READY): pyproject.toml
@@ -59,7 +59,8 @@ gimp-figures: $(READY) gimp  ## the pictures of docs/gimp.md, made in a real GIM
 	PYTHON=$(BIN)/python tests/gimp/gimp3.sh run python docs/gimp_figures.py
 
 plugin-zip: $(READY)  ## the GIMP plug-in as an archive for people without a terminal, into dist/
-	$(BIN)/python plugin_gimp/make_zip.py dist/toposeam-gimp.zip
+	rm -rf build/wheel && $(BIN)/python -m build --wheel --no-isolation --outdir build/wheel . >/dev/null
+	$(BIN)/python plugin_gimp/make_zip.py dist/toposeam-gimp.zip build/wheel/*.whl
 
 docs: $(READY)  ## the documentation site, into build/site; a dead link or a missing picture is an error
 	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet -c docs . build/site

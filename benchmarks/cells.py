@@ -49,7 +49,7 @@ def main() -> None:
     cells = stack[..., FIRST:LAST] > threshold_otsu(stack)
     print(
         f"{cells.mean():.2f} of the overlap is cells\n{'noise, gain, shift':<20}",
-        *(f"{law:>18}" for law in ts.LAWS),
+        *(f"{law:>18}" for law in ts.seam.LAWS),
     )
     for noise, gain, shift in CASES:
         rng = np.random.default_rng(0)
@@ -62,9 +62,9 @@ def main() -> None:
             for share, moved in ((1.0, 0), (gain, shift))
         )
         columns = []
-        for law in ts.LAWS:
+        for law in ts.seam.LAWS:
             started = time.process_time()
-            labels = ts.find_surface(a, b, axis=2, data_range=1.0, cost=ts.MatchCost(law=law)).labels
+            labels = ts.find_surface(a, b, axis=2, data_range=1.0, cost=ts.seam.MatchCost(law=law)).labels
             columns.append(f"{share_in_cells(labels, cells):>9.3f} {time.process_time() - started:>6.1f} s")
         print(f"{noise:.0%}, {gain}, {shift} px".ljust(20), *columns, flush=True)
 

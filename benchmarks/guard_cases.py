@@ -33,7 +33,7 @@ class Case:
 
 def match_cost(law: str) -> Any:
     """The match cost by name, the same whatever the defaults are."""
-    return ts.MatchCost(law=law)
+    return ts.seam.MatchCost(law=law)
 
 
 def interfaces(a: Array, b: Array, on_a: Array, on_b: Array, law: str) -> Iterator[Array]:

@@ -89,7 +89,7 @@ def ours(scene: Scene, blend: str, far: bool) -> np.ndarray:
         ts.Layer(frame, at=at, name=str(k))
         for k, (frame, at) in enumerate(zip(scene.frames, scene.places, strict=True))
     ]
-    return ts.stitch(layers, blend=blend, cost=None if far else ts.MatchCost(reach=0)).image
+    return ts.stitch(layers, blend=blend, cost=None if far else ts.seam.MatchCost(reach=0)).image
 
 
 def theirs(command: list[str], scene: Scene, folder: Path) -> np.ndarray:

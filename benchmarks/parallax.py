@@ -222,9 +222,9 @@ def giving(folder: Path, most: int) -> None:
             for image, mask, name in zip(images, masks, "ab", strict=True)
         ]
         started = time.process_time()
-        before = ts.compose(layers)
+        before = ts.layers.compose(layers)
         between = time.process_time()
-        after = give_way(before, most, ts.compose)
+        after = give_way(before, most, ts.layers.compose)
         seconds += between - started, time.process_time() - between
         rows = []
         for composed in (before, after):

@@ -206,7 +206,7 @@ def coarse_to_fine(seeds: int) -> Rows:
     shares, every = [], []
     print("\nA motif of 512² with 3 layers, 40 iterations: most on coarse plates, against all at full size\n")
     for seed in range(seeds):
-        recipe = ts.random_recipe(512, seed=seed, repeat="translate")
+        recipe = ts.motif.random_recipe(512, seed=seed, repeat="translate")
         seconds, compliance = {}, {}
         for name, one in (("coarse", recipe), ("full", replace(recipe, coarse=False))):
             started = time.process_time()

@@ -31,8 +31,8 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "thesis": {"method": "thesis"},
     "thesis, p = 3 from the start": {"method": "thesis", "first_penalty": 3.0},
     "thesis, moving asymptotes": {"method": "thesis", "asymptotes": "moving"},
-    "thesis, plain, move ≤ 0.2": {"method": "thesis", "options": ts.ThesisOptions.plain(move=0.2)},
-    "thesis, plain, move ≤ 1": {"method": "thesis", "options": ts.ThesisOptions.plain(move=1.0)},
+    "thesis, plain, move ≤ 0.2": {"method": "thesis", "options": ts.seam.ThesisOptions.plain(move=0.2)},
+    "thesis, plain, move ≤ 1": {"method": "thesis", "options": ts.seam.ThesisOptions.plain(move=1.0)},
     "thesis, Formulation 2": {"method": "thesis", "formulation": 2},
 }
 
@@ -70,7 +70,7 @@ def main() -> None:
             except SolverError:
                 broke += 1
                 continue
-            done = seam.termination == ts.Termination.SINGLE_LINE
+            done = seam.termination == ts.optimize.Termination.SINGLE_LINE
             single += done
             staged += done and seam.history[-1].stage <= 4 and len(seam.history) <= 100
             iterations.append(len(seam.history))
@@ -92,7 +92,7 @@ def cases(variants: list[str]) -> None:
     made = {
         "3.5 toy": (thesis_cases.toy(), {}),
         "3.11 zigzag": (thesis_cases.zigzag(), {}),
-        "3.11 no grad.": (thesis_cases.zigzag(), {"cost": ts.MatchCost(law="colour")}),
+        "3.11 no grad.": (thesis_cases.zigzag(), {"cost": ts.seam.MatchCost(law="colour")}),
         "3.13 L": (thesis_cases.ell(), {}),
         "3.14 colours": (thesis_cases.random_colours(), {}),
     }
@@ -102,7 +102,7 @@ def cases(variants: list[str]) -> None:
         for case, more in made.values():
             try:
                 seam = case.find(**VARIANTS[name], **more)
-                several = "*" if seam.termination == ts.Termination.ITERATIONS else ""
+                several = "*" if seam.termination == ts.optimize.Termination.ITERATIONS else ""
                 line += f"{seam.optimum_ratio():>13.4f}{several or ' '}"
             except SolverError:
                 line += f"{'broke':>13} "

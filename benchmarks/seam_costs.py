@@ -36,9 +36,9 @@ LEAST_PIXELS = 100_000
 
 def peer(layers: list[ts.Layer], rng: np.random.Generator) -> tuple[float, float, int]:
     """The cheapest end of α-expansion, the dearest one, and how many pixels have several layers."""
-    canvas = ts.common_canvas(layers)
+    canvas = ts.layers.common_canvas(layers)
     covered = exclusive_covers(layers, [canvas.place(layer) for layer in layers], canvas)
-    labelling = pose_labelling(layers, canvas, covered, match=ts.MatchCost(law="gradient"))
+    labelling = pose_labelling(layers, canvas, covered, match=ts.seam.MatchCost(law="gradient"))
     count, box = len(layers), canvas.box
     allowed = [labelling.allowed_in(k, box) for k in range(count)]
     choices = Choices(labelling, box, labelling.on_top(), allowed, range(count))

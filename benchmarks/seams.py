@@ -156,7 +156,9 @@ METHODS: dict[str, tuple[Callable[..., tuple[Labels, float]], bool]] = {
 
 
 def problem_of(a: Picture, b: Picture, gradient: bool) -> SeamProblem:
-    return seam_problem(a, b, None, None, "right", ts.MatchCost(law="gradient" if gradient else "colour"))[0]
+    return seam_problem(
+        a, b, None, None, "right", ts.seam.MatchCost(law="gradient" if gradient else "colour")
+    )[0]
 
 
 def irregular(seeds: list[int]) -> None:
@@ -172,7 +174,7 @@ def irregular(seeds: list[int]) -> None:
             for seed in seeds:
                 a, b = pair(*masks[0].shape, 1 + seed, seed)
                 problem = seam_problem(
-                    a, b, *masks, "right", ts.MatchCost(law="gradient" if gradient else "colour")
+                    a, b, *masks, "right", ts.seam.MatchCost(law="gradient" if gradient else "colour")
                 )[0]
                 found, seconds = METHODS[HEAT][0](problem)
                 best, peer = METHODS[MAXFLOW][0](problem)

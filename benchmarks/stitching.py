@@ -161,7 +161,7 @@ def main() -> None:
     rows = []
     for index in range(options.sets):
         truth, layers = make_set(index, options.seed)
-        canvas = ts.common_canvas(layers)
+        canvas = ts.layers.common_canvas(layers)
         covered = np.zeros(canvas.shape, bool)
         for layer in layers:
             covered[canvas.place(layer).slices] = True

@@ -53,7 +53,7 @@ def main() -> None:
     asked = parser.parse_args()
     print(stamp())
     totals = {kind: np.zeros(3, int) for kind in ("rules with mirrors", "rules without")}
-    for rule in ts.REPEATS:
+    for rule in ts.motif.REPEATS:
         counts = np.zeros(3, int)
         for seed in asked.seeds:
             given = {"layers": 1, "repeat": rule, "seed": seed, "palette": "sumi"}

@@ -51,7 +51,7 @@ def posed(shape: tuple[int, ...], masks: Masks, gradient: bool, seed: int) -> Su
     rng = np.random.default_rng(seed)
     a, b = carried(*shape, rng, 2 * shape[0])
     axis = 0
-    return surface_problem(a, b, *masks, axis, ts.MatchCost(law="gradient" if gradient else "colour"))[0]
+    return surface_problem(a, b, *masks, axis, ts.seam.MatchCost(law="gradient" if gradient else "colour"))[0]
 
 
 def optimum(problem: SurfaceProblem) -> tuple[float, float]:

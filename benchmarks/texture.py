@@ -53,7 +53,7 @@ class Made:
 
     image: np.ndarray
     seconds: float
-    synthesis: ts.Synthesis | None = None
+    synthesis: ts.texture.Synthesis | None = None
 
 
 def main() -> None:
@@ -256,7 +256,7 @@ def coherence(exemplar: np.ndarray, image: np.ndarray, side: int = 7) -> float:
     return float(((np.diff(column, axis=1) == 1) & (np.diff(row, axis=1) == 0)).mean())
 
 
-def most_used(made: ts.Synthesis, shape: tuple[int, ...]) -> float:
+def most_used(made: ts.texture.Synthesis, shape: tuple[int, ...]) -> float:
     use = np.bincount(
         (made.source[..., 0] * shape[1] + made.source[..., 1]).ravel(), minlength=shape[0] * shape[1]
     )

@@ -95,7 +95,7 @@ def textures() -> dict[str, Case]:
     return found
 
 
-def ours(by: ts.By) -> Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, float]]:
+def ours(by: ts.typing.By) -> Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, float]]:
     def run(image: np.ndarray, hole: np.ndarray) -> tuple[np.ndarray, float]:
         started = time.process_time()
         made = ts.fill(image, hole, by=by).image

@@ -98,7 +98,7 @@ def boundary(cost: np.ndarray) -> np.ndarray:
     return np.array(path[::-1])
 
 
-def step(made: ts.Synthesis) -> float:
+def step(made: ts.texture.Synthesis) -> float:
     image, inner, across = gray(made.image), [], []
     for axis in (0, 1):
         steps, seam = np.abs(np.diff(image, axis=axis)), np.diff(made.labels, axis=axis) != 0
@@ -107,7 +107,7 @@ def step(made: ts.Synthesis) -> float:
     return float(np.percentile(np.concatenate(across), 99) / np.percentile(np.concatenate(inner), 99))
 
 
-def largest_copy(made: ts.Synthesis, pixels: int) -> float:
+def largest_copy(made: ts.texture.Synthesis, pixels: int) -> float:
     index = made.source[..., 0].astype(np.int64) * 100_000 + made.source[..., 1]
     number = np.arange(index.size).reshape(index.shape)
     beside, below = np.diff(index, axis=1) == 1, np.diff(index, axis=0) == 100_000
@@ -117,7 +117,7 @@ def largest_copy(made: ts.Synthesis, pixels: int) -> float:
     return float(np.bincount(connected_components(graph, directed=False)[1]).max() / pixels)
 
 
-def whole_objects(made: ts.Synthesis, sample: Sample) -> tuple[int, int]:
+def whole_objects(made: ts.texture.Synthesis, sample: Sample) -> tuple[int, int]:
     """How many objects off the border are as large as the sample's, and how many there are."""
     given = ndimage.find_objects(sample.objects)
     area = float(np.median([np.count_nonzero(sample.objects == k + 1) for k in range(len(given))]))
@@ -134,7 +134,7 @@ def whole_objects(made: ts.Synthesis, sample: Sample) -> tuple[int, int]:
     return int(whole), total
 
 
-def near_pairs(made: ts.Synthesis, sample: Sample) -> tuple[int, int]:
+def near_pairs(made: ts.texture.Synthesis, sample: Sample) -> tuple[int, int]:
     """Pairs of copies of one object near each other, and how few there could be."""
     shown = sample.objects[made.source[..., 0], made.source[..., 1]]
     objects, middles = [], []
@@ -186,7 +186,7 @@ def is_smooth(image: np.ndarray) -> bool:
     return bool(power[fine].sum() <= SHARE * power.sum())
 
 
-def timed(image: np.ndarray, **options: object) -> tuple[ts.Synthesis, float]:
+def timed(image: np.ndarray, **options: object) -> tuple[ts.texture.Synthesis, float]:
     started = time.process_time()
     made = ts.synthesize(image, SIZE, **options)
     return made, time.process_time() - started

@@ -125,8 +125,8 @@ def by_opencv(layers: Pair) -> Pair:
 
 WAYS = {
     "off": list,
-    "tones": ts.match_tones,
-    "shading": lambda layers: ts.match_tones(layers, shading=True),
+    "tones": ts.layers.match_tones,
+    "shading": lambda layers: ts.layers.match_tones(layers, shading=True),
     **({"OpenCV": by_opencv} if cv2 is not None else {}),
 }
 

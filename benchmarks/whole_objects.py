@@ -69,7 +69,7 @@ def drawn(pen: ImageDraw.ImageDraw, x: float, y: float, unit: float, *, plain: b
         )
 
 
-def counted(made: ts.Synthesis, objects: np.ndarray) -> tuple[int, list[tuple[slice, slice]]]:
+def counted(made: ts.texture.Synthesis, objects: np.ndarray) -> tuple[int, list[tuple[slice, slice]]]:
     """How many mushrooms off the border there are, and where those are that are not whole."""
     given = ndimage.find_objects(objects)
     areas = np.bincount(objects.ravel())

@@ -20,7 +20,7 @@ from sphinx.application import Sphinx
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "docs"))
 _MADE = json.loads((ROOT / "docs/figures/made.json").read_text(encoding="utf-8"))
-_PUBLIC = ROOT / "core/toposeam/__init__.pyi"
+_PUBLIC = ROOT / "core/toposeam"
 
 project = "TopoSeam"
 author = copyright = "The TopoSeam developers"  # noqa: A001 - Sphinx's name
@@ -125,11 +125,14 @@ PAGES = {
 
 
 def offered() -> dict[str, str]:
-    """Every public name, and the module that it comes from."""
+    """Every public name as one writes it after ``toposeam.``, and the module that it comes from."""
     found = {}
-    for node in ast.parse(_PUBLIC.read_text(encoding="utf-8")).body:
-        if isinstance(node, ast.ImportFrom) and node.module:
-            found |= {alias.name: f"toposeam.{node.module}" for alias in node.names}
+    for stub in sorted(_PUBLIC.glob("**/__init__.pyi")):
+        room = ".".join(stub.parent.relative_to(_PUBLIC).parts)
+        for node in ast.parse(stub.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.ImportFrom) and node.module:
+                module = ".".join(filter(None, ("toposeam", room, node.module)))
+                found |= {".".join(filter(None, (room, alias.name))): module for alias in node.names}
     return found
 
 
@@ -139,7 +142,7 @@ def write_reference(folder: Path) -> None:
     names = offered()
     rooms = {room for _, kept in PAGES.values() for room in kept}
     for page, (title, kept) in PAGES.items():
-        lines = [title, "=" * len(title), "", ".. currentmodule:: toposeam", ""]
+        lines = [title, "=" * len(title), ""]
         for name, module in sorted(names.items(), key=lambda pair: (pair[0][0].isupper(), pair[1], pair[0])):
             room = module.split(".")[1]
             if room in kept or (not kept and room not in rooms):
@@ -151,11 +154,11 @@ def write_reference(folder: Path) -> None:
 
 
 def _entry(name: str, module: str) -> list[str]:
-    if name.isupper():
-        return [f".. autodata:: {module}.{name}", "   :no-value:", ""]
-    if name[0].isupper():
-        return [f".. autoclass:: {name}", ""]
-    return [f".. autofunction:: {name}", ""]
+    if name.split(".")[-1].isupper():
+        return [f".. autodata:: {module}.{name.split('.')[-1]}", "   :no-value:", ""]
+    if name.split(".")[-1][0].isupper():
+        return [f".. autoclass:: toposeam.{name}", ""]
+    return [f".. autofunction:: toposeam.{name}", ""]
 
 
 def _write(path: Path, text: str) -> None:

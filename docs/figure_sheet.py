@@ -89,7 +89,7 @@ class Sheet:
         return axis
 
     def seam(
-        self, axis: Axes, lines: Iterable[ts.Polyline], width: float = 4.0, *, halo: bool = True
+        self, axis: Axes, lines: Iterable[ts.vector.Polyline], width: float = 4.0, *, halo: bool = True
     ) -> None:
         """Lines in the seam's red, `width` px wide, on a white halo."""
         effects = [Stroke(linewidth=self.points(2 * width), foreground="white"), Normal()] if halo else []

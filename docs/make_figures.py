@@ -52,7 +52,7 @@ def main() -> None:
 def zigzag() -> list[tuple[str, Joined]]:
     case = thesis_cases.zigzag()
     with_gradient = Joined.find(case)
-    without = Joined.find(case, ts.MatchCost(law="colour"))
+    without = Joined.find(case, ts.seam.MatchCost(law="colour"))
     scale, gap, head = 3, 48, 60
     step = case.a.shape[1] * scale + gap
     columns = [_MARGIN + _apart_size(case, scale)[1] + gap + index * step for index in range(3)]
@@ -107,7 +107,7 @@ def two_sizes() -> list[tuple[str, Joined]]:
     return [("3.22 Hubble deep field", joined)]
 
 
-def _densities(seam: ts.Seam, path: Path) -> None:
+def _densities(seam: ts.seam.Seam, path: Path) -> None:
     """Figure 3.17: how many elements have which density at the end of each stage."""
     last = {frame.stage: frame for frame in seam.frames}
     chosen = sorted(last)[:2] + sorted(last)[-1:]
@@ -167,7 +167,9 @@ def hero() -> None:
         sheet.words(name, x if name == "A" else end, top + height + 12, ha="left" if name == "A" else "right")
     x = width + apart + gap
     axis = sheet.picture(_resized(joined, (height, width)), x, top)
-    sheet.seam(axis, [ts.Polyline(points=line.points * share, closed=line.closed) for line in seam.paths], 3)
+    sheet.seam(
+        axis, [ts.vector.Polyline(points=line.points * share, closed=line.closed) for line in seam.paths], 3
+    )
     sheet.words("the seam that heat finds", x, top + height + 12, color=GRAY)
     x += width + gap
     sheet.picture(_resized(joined, (height, width)), x, top)

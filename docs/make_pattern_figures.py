@@ -192,7 +192,7 @@ def drawing() -> None:
 # Paths
 
 
-def _show(axis: object, found: ts.PlannedPath, name: str, points: list[tuple[float, float]]) -> None:
+def _show(axis: object, found: ts.path.PlannedPath, name: str, points: list[tuple[float, float]]) -> None:
     for line in found.paths:
         axis.plot(
             *line.points.T, color="white", linewidth=4.2, solid_capstyle="round", solid_joinstyle="round"
@@ -214,7 +214,7 @@ def _show(axis: object, found: ts.PlannedPath, name: str, points: list[tuple[flo
     axis.axis("off")
 
 
-def _heat(axis: object, found: ts.PlannedPath, obstacles: npt.NDArray[np.bool_] | None = None) -> None:
+def _heat(axis: object, found: ts.path.PlannedPath, obstacles: npt.NDArray[np.bool_] | None = None) -> None:
     height, width = found.density.shape
     axis.imshow(
         np.sqrt(found.density),
@@ -261,7 +261,7 @@ def obstacles() -> None:
         marks = [*(sources if isinstance(sources, list) else [sources]), sink, *stops]
         _show(axis, found, f"{name}: {found.length:.0f} px", marks)
     for column, (gather, sharpen) in enumerate(((4, 0), (12, 0), (40, 30))):
-        options = ts.PathOptions(gather=gather, sharpen=sharpen)
+        options = ts.path.PathOptions(gather=gather, sharpen=sharpen)
         found = ts.plan_path((height, width), start, end, obstacles=blocked, options=options)
         _heat(axes[1, column], found, blocked)
         axes[1, column].set_title(
@@ -302,7 +302,7 @@ def terrain() -> None:
     search = MCP_Geometric(cost)
     reached, _ = search.find_costs([start[::-1]])
     grid = np.array(search.traceback(end[::-1]))
-    straight = ts.path_cost(ts.Polyline(np.array([start, end]) + 0.5), cost)
+    straight = ts.path.path_cost(ts.vector.Polyline(np.array([start, end]) + 0.5), cost)
     figure = Figure(figsize=(10, 3.9), dpi=120)
     axes = figure.subplots(1, 2)
     light = mpl.colors.LightSource(315, 45)

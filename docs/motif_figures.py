@@ -41,7 +41,7 @@ class Canvas:
         font = ImageFont.truetype(str(Path(mpl.get_data_path()) / "fonts/ttf/DejaVuSans.ttf"), size)
         self._pen.text((x, y), text, font=font, fill=_GRAY)
 
-    def conditions(self, recipe: ts.Recipe, x: int, y: int, side: int, words: str) -> None:
+    def conditions(self, recipe: ts.motif.Recipe, x: int, y: int, side: int, words: str) -> None:
         """Where heat enters and leaves, as in Figure 4.6: discs in proportion to their strengths."""
         self._pen.rectangle((x, y, x + side - 1, y + side - 1), outline=_GRAY)
         layer = recipe.layers[0]
@@ -69,7 +69,7 @@ def main() -> None:
 
 def repeats() -> None:
     """Figures 4.1 to 4.4: one start, three rules; motifs above, 8 × 8 of them below."""
-    start = ts.random_recipe(
+    start = ts.motif.random_recipe(
         128,
         seed=6,
         repeat="reflect",
@@ -98,7 +98,7 @@ def pairs() -> tuple[int, int]:
     seeds = [(seed, seed + 1) for seed in range(1, 24, 2)]
     fallen = []
     for pair in seeds:
-        made = ts.join_motifs(_recipes(*pair), weight=0.5, stages=3, shared=0)
+        made = ts.motif.join_motifs(_recipes(*pair), weight=0.5, stages=3, shared=0)
         fallen.append([made.mismatch(stage) for stage in (1, 2, 3)])
         print(*pair, *(f"{value:.2f}" for value in fallen[-1]), flush=True)
     mean = np.mean(fallen, axis=0)
@@ -106,10 +106,10 @@ def pairs() -> tuple[int, int]:
     return seeds[int(np.square(np.array(fallen) - mean).sum(axis=1).argmin())]
 
 
-def _recipes(first: int = _A, second: int = _B) -> list[ts.Recipe]:
+def _recipes(first: int = _A, second: int = _B) -> list[ts.motif.Recipe]:
     options = {"layers": 1, "repeat": "translate", "palette": "sea", "penalty": 3.0, "filter_radius": 1.0}
-    few = ts.random_recipe(128, seed=first, sources=4, sinks=3, mass=0.3, **options)
-    many = ts.random_recipe(128, seed=second, sources=9, sinks=7, mass=0.22, **options)
+    few = ts.motif.random_recipe(128, seed=first, sources=4, sinks=3, mass=0.3, **options)
+    many = ts.motif.random_recipe(128, seed=second, sources=9, sinks=7, mass=0.22, **options)
     return [few, many]
 
 
@@ -122,17 +122,17 @@ def joined() -> None:
     canvas.words("red: sources, blue: sinks", 0, 2 * (side + _FOOT) + 4)
     half = (side // 2, side // 2)
     for row, weight in enumerate((0.0, 0.5, 1.0)):
-        result = ts.join_motifs(recipes, weight=weight, shared=0)
+        result = ts.motif.join_motifs(recipes, weight=weight, shared=0)
         y = row * (side + _FOOT)
         a, b = result.motifs
         shown = (
-            ([[0, 0], [0, 0]], f"w = {weight:g}: A, {ts.border_mismatch(a, a):.1f}"),
-            ([[1, 1], [1, 1]], f"B, {ts.border_mismatch(b, b):.1f}"),
-            ([[0, 1], [1, 0]], f"A and B, {ts.border_mismatch(a, b):.1f}"),
+            ([[0, 0], [0, 0]], f"w = {weight:g}: A, {ts.motif.border_mismatch(a, a):.1f}"),
+            ([[1, 1], [1, 1]], f"B, {ts.motif.border_mismatch(b, b):.1f}"),
+            ([[0, 1], [1, 0]], f"A and B, {ts.motif.border_mismatch(a, b):.1f}"),
         )
         for column, (grid, words) in enumerate(shown):
             canvas.picture(
-                ts.arrange(result.motifs, grid).image((2 * half[0], 2 * half[1])),
+                ts.motif.arrange(result.motifs, grid).image((2 * half[0], 2 * half[1])),
                 (column + 1) * (side + _GAP),
                 y,
                 words,
@@ -143,8 +143,8 @@ def joined() -> None:
 def stages() -> None:
     """Figures 4.8 and 4.9: the row of motifs after each stage, and patterns of them."""
     recipes, side, large = _recipes(), 228, 291
-    free = ts.join_motifs(recipes, weight=0.5, stages=3, shared=0)
-    shared = ts.join_motifs(recipes, weight=0.5, stages=3)
+    free = ts.motif.join_motifs(recipes, weight=0.5, stages=3, shared=0)
+    shared = ts.motif.join_motifs(recipes, weight=0.5, stages=3)
     width = 5 * side + 4 * _GAP
     canvas = Canvas(max(width, 4 * large + 3 * _GAP), 3 * (side + _FOOT) + large + _FOOT)
     for stage in (1, 2, 3):
@@ -162,7 +162,7 @@ def stages() -> None:
     )
     for column, (motifs, reach, words) in enumerate(patterns):
         canvas.picture(
-            ts.arrange(motifs, (7, 7), seed=3, reach=reach).image((7 * cell[0], 7 * cell[1])),
+            ts.motif.arrange(motifs, (7, 7), seed=3, reach=reach).image((7 * cell[0], 7 * cell[1])),
             column * (large + _GAP),
             y,
             words,

@@ -36,31 +36,31 @@ class Study:
     words: str
     options: tuple[dict[str, Any], ...]
     claim: str
-    measured: Callable[[ts.Motif], float]
+    measured: Callable[[ts.motif.Motif], float]
     grows: bool
 
-    def motifs(self) -> list[ts.Motif]:
+    def motifs(self) -> list[ts.motif.Motif]:
         """The row's motifs."""
         return [ts.generate_motif(SIZE, **(FIXED | options)) for options in self.options]
 
 
-def inked(motif: ts.Motif) -> float:
+def inked(motif: ts.motif.Motif) -> float:
     """Share of the area that is printed."""
     return float(motif.coverage().mean())
 
 
-def gray(motif: ts.Motif) -> float:
+def gray(motif: ts.motif.Motif) -> float:
     """Share of the area that is neither paper nor full ink."""
     density = motif.densities[0]
     return float(((density > 0.1) & (density < 0.9)).mean())
 
 
-def stroke(motif: ts.Motif) -> float:
+def stroke(motif: ts.motif.Motif) -> float:
     """Mean width of the strokes."""
     return measure(motif.image()).stroke
 
 
-def ends(motif: ts.Motif) -> float:
+def ends(motif: ts.motif.Motif) -> float:
     """Number of ends of strokes."""
     margin = SIZE // 6
     lines = skeletonize(np.pad(motif.coverage()[0] > 0.5, margin, mode="wrap"))
@@ -68,7 +68,7 @@ def ends(motif: ts.Motif) -> float:
     return float((around == 2)[margin:-margin, margin:-margin].sum())
 
 
-def uneven(motif: ts.Motif) -> float:
+def uneven(motif: ts.motif.Motif) -> float:
     """How much the ink round the sources differs: deviation over mean."""
     density = motif.densities[0]
     y, x = np.mgrid[:SIZE, :SIZE] + 0.5

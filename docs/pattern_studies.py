@@ -90,8 +90,8 @@ def solids() -> None:
     )
     figure = Figure(figsize=(10.8, 4.4), dpi=100, facecolor="white")
     for index, options in enumerate(shown):
-        recipe = ts.random_recipe(64, layers=1, **options)
-        mesh = ts.generate_solid(recipe, 64).mesh()
+        recipe = ts.motif.random_recipe(64, layers=1, **options)
+        mesh = ts.solid.generate_solid(recipe, 64).mesh()
         corner = mesh.vertices[:, ::-1]
         axes: Any = figure.add_axes((index / 3, 0, 1 / 3, 1), projection="3d")
         light = LightSource(azdeg=315, altdeg=40)

@@ -32,7 +32,7 @@ def main() -> None:
         "match-tones, multiband": {"match_tones": True, "blend": "multiband"},
     }
     # A seam drawn by hand right through saucer and table, where it cannot hide.
-    path = ts.read_svg(
+    path = ts.vector.read_svg(
         '<svg xmlns="http://www.w3.org/2000/svg" width="470" height="250"><path d="M255 0 V250"/></svg>'
     )
     tiles = []
@@ -59,7 +59,7 @@ def coffee() -> list[ts.Layer]:
     ]
 
 
-def on_paper(image: np.ndarray, stitched: ts.Stitched) -> np.ndarray:
+def on_paper(image: np.ndarray, stitched: ts.layers.Stitched) -> np.ndarray:
     """The picture with paper where no layer is, and a margin."""
     shown = np.any(stitched.masks, axis=0)
     return np.pad(

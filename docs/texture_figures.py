@@ -102,7 +102,7 @@ def grown(source: Pixels, patch: int, count: int) -> tuple[Pixels, Pixels]:
     return source, ts.synthesize(source, side, patch=patch, seed=1).image
 
 
-def seams_over(made: ts.Synthesis) -> Pixels:
+def seams_over(made: ts.texture.Synthesis) -> Pixels:
     """The picture, pale, with its seams in red."""
     gray = made.image if made.image.ndim == 2 else made.image.mean(axis=2).astype(np.uint8)
     pale = Image.fromarray((160 + gray // 3).astype(np.uint8)).convert("RGB")

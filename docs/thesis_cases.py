@@ -21,7 +21,7 @@ Mask = npt.NDArray[np.bool_]
 OVERLAP = 20
 
 _GROUND, _SHADE = 0.85, 0.45
-_DRAWN_TO_EDGES = ts.MatchCost(law="gradient", flat=100.0)
+_DRAWN_TO_EDGES = ts.seam.MatchCost(law="gradient", flat=100.0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -34,19 +34,19 @@ class Case:
     #: (H, W) bool, where each patch has pixels; None for both where the arrays are the overlap.
     mask_a: Mask | None = None
     mask_b: Mask | None = None
-    cost: ts.MatchCost = field(default_factory=lambda: ts.MatchCost(law="gradient"))
+    cost: ts.seam.MatchCost = field(default_factory=lambda: ts.seam.MatchCost(law="gradient"))
     #: (H, W) bool, True where b is meant to show; None where the case plants no boundary.
     planted: Mask | None = None
 
     def find(
-        self, method: ts.Method = "heat", *, cost: ts.MatchCost | None = None, **options: object
-    ) -> ts.Seam:
+        self, method: ts.typing.Method = "heat", *, cost: ts.seam.MatchCost | None = None, **options: object
+    ) -> ts.seam.Seam:
         """The seam by any method, with the case's match cost or another one."""
         return ts.find_seam(
             self.a, self.b, self.mask_a, self.mask_b, method=method, cost=cost or self.cost, **options
         )
 
-    def joined(self, seam: ts.Seam) -> Floats:
+    def joined(self, seam: ts.seam.Seam) -> Floats:
         """The two patches joined along a seam."""
         labels = seam.labels if self.a.ndim == 2 else seam.labels[..., np.newaxis]
         return np.where(labels, self.b, self.a)

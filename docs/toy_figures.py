@@ -27,11 +27,11 @@ class Joined:
     """A case with the seams that two methods find."""
 
     case: Case
-    thesis: ts.Seam
-    heat: ts.Seam
+    thesis: ts.seam.Seam
+    heat: ts.seam.Seam
 
     @classmethod
-    def find(cls, case: Case, cost: ts.MatchCost | None = None) -> Joined:
+    def find(cls, case: Case, cost: ts.seam.MatchCost | None = None) -> Joined:
         """Both seams, the thesis's with its history."""
         return cls(
             case=case,
@@ -85,7 +85,7 @@ def _pixel_lines(axis: object) -> None:
 
 
 def _elements(
-    seam: ts.Seam, right: npt.NDArray[np.float32], down: npt.NDArray[np.float32]
+    seam: ts.seam.Seam, right: npt.NDArray[np.float32], down: npt.NDArray[np.float32]
 ) -> list[tuple[tuple[int, int], tuple[int, int], float]]:
     """(start, end, value) of each of the 24 elements of the toy problem, from values per interface of its
     window.
@@ -100,7 +100,7 @@ def _lattice(axis: object, margin: float = 0.25) -> None:
     axis.axis("off")
 
 
-def _cost_grid(axis: object, seam: ts.Seam, sheet: Sheet) -> None:
+def _cost_grid(axis: object, seam: ts.seam.Seam, sheet: Sheet) -> None:
     _lattice(axis, 30 / 144)
     path = {frozenset(pair) for pair in pairwise(_TOY_PATH)}
     for start, end, cost in _elements(seam, seam.problem.right, seam.problem.down):
@@ -141,7 +141,7 @@ def _cost_grid(axis: object, seam: ts.Seam, sheet: Sheet) -> None:
             )
 
 
-def _toy_history(seam: ts.Seam) -> None:
+def _toy_history(seam: ts.seam.Seam) -> None:
     sheet = Sheet(1600, 720)
     iterations = np.arange(1, len(seam.history) + 1)
     stages = np.array([record.stage for record in seam.history])

@@ -37,7 +37,7 @@ def main() -> None:
     cells()
 
 
-def strip(clip: Picture, made: ts.Loop) -> None:
+def strip(clip: Picture, made: ts.volume.Loop) -> None:
     """The moments round the loop point: cut off, cross-faded, along the surface, and which frames show."""
     (jump,), count = made.jumps, made.transition
     shown = np.linspace(0, count - 1, 6).round().astype(int)
@@ -59,7 +59,7 @@ def strip(clip: Picture, made: ts.Loop) -> None:
     sheet.save(FIGURES / "loop-strip.jpg", quality=88)
 
 
-def heat(surface: ts.Surface) -> None:
+def heat(surface: ts.volume.Surface) -> None:
     """Heat gathering: how much of it flows through one row of the picture at every moment, after some sweeps,
     and the surface in the end.
     """
@@ -96,7 +96,7 @@ def glow(potential: npt.NDArray[np.float32]) -> Picture:
     return clips.coloured(bright, GLOW).repeat(4, axis=0).repeat(3, axis=1)
 
 
-def relief(surface: ts.Surface, width: int, height: int) -> Image.Image:
+def relief(surface: ts.volume.Surface, width: int, height: int) -> Image.Image:
     """The surface seen from the side, time upwards."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

@@ -27,9 +27,9 @@ def main() -> None:
     """Draw all of them into the folder."""
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else FOLDER
     folder.mkdir(exist_ok=True)
-    for rule in ts.REPEATS:
+    for rule in ts.motif.REPEATS:
         save(rule_picture(rule), folder / f"rule-{rule}.png")
-    for name in ts.PALETTES:
+    for name in ts.motif.PALETTES:
         save(palette_picture(name), folder / f"palette-{name}.png")
 
 
@@ -117,7 +117,7 @@ def best_place(group: list[Any], around: list[np.ndarray], rule: str) -> tuple[n
 
 def palette_picture(name: str) -> Image.Image:
     """Return a palette's paper with six of its inks."""
-    colours = ts.PALETTES[name]
+    colours = ts.motif.PALETTES[name]
     side = SIZE * FINE
     picture = Image.new("RGB", (side, side), colours[0])
     draw = ImageDraw.Draw(picture)

@@ -38,6 +38,7 @@ def main() -> None:
     write("sky_a.png", np.concatenate([np.where(opacity > 0, large, 0), opacity], axis=2))
     write("sky_b.png", small)
     write("leaf.png", ginkgo())
+    write("gravel_mask.png", blob(192))
     write("brick.png", read("brick.png")[:192, :192])
     write("gravel.png", read("gravel.png")[:192, :192])
     write("stars.png", sky[80:272, 80:272])
@@ -58,6 +59,12 @@ def ginkgo(size: int = 200) -> np.ndarray:
     stem = (np.abs(x + 0.09 * np.maximum(y - 0.3, 0) ** 2) < 0.03) & (y > 0.3) & (y < 0.9)
     leaf = np.where((fan & ~veins) | stem, 20.0, 255.0)
     return leaf.reshape(size, 3, size, 3).mean(axis=(1, 3)).round().astype(np.uint8)
+
+
+def blob(size: int) -> np.ndarray:
+    """A mask: a disk in white on black, to be filled."""
+    y, x = np.mgrid[:size, :size]
+    return np.where(np.hypot(x - 110, y - 80) < 34, 255, 0).astype(np.uint8)
 
 
 def cobbles(size: int) -> tuple[np.ndarray, np.ndarray]:

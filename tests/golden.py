@@ -68,7 +68,7 @@ def tile() -> str:
 
 def recipe() -> str:
     """What a seed alone decides of a motif."""
-    made = ts.random_recipe(64, repeat="p4m", seed=11).to_dict()
+    made = ts.motif.random_recipe(64, repeat="p4m", seed=11).to_dict()
     return hashlib.sha256(json.dumps(made, sort_keys=True).encode()).hexdigest()[:16]
 
 

@@ -23,6 +23,7 @@ BASE = {"toposeam.errors", "toposeam.sentence", "toposeam.checks", "toposeam.ima
 BELOW = BASE | {
     "toposeam.saving",
     "toposeam.display",
+    "toposeam.picture_files",
     "toposeam.heat",
     "toposeam.optimize",
     "toposeam.vector",
@@ -38,6 +39,7 @@ ARROWS = {
     "toposeam.colours": {"toposeam.errors"},
     "toposeam.saving": set(),
     "toposeam.display": BASE,
+    "toposeam.picture_files": BASE | {"toposeam.display", "toposeam.saving"},
     "toposeam.heat": {"toposeam.errors", "toposeam.checks"},
     "toposeam.optimize": {"toposeam.errors", "toposeam.checks"},
     "toposeam.vector": {
@@ -54,6 +56,7 @@ ARROWS = {
     "toposeam.path": BELOW,
     "toposeam.volume": BELOW | {"toposeam.seam"},
     "toposeam.solid": BELOW | {"toposeam.motif", "toposeam.volume"},
+    "toposeam.typing": {"toposeam.layers", "toposeam.seam", "toposeam.texture", "toposeam.volume"},
     "toposeam_cli": set(),
     "toposeam_cli.__main__": {"toposeam_cli.app"},
     "toposeam_cli.app": CLI_CORE | {"toposeam_cli.files", "toposeam_cli.jobs"},

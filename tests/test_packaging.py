@@ -200,13 +200,19 @@ def test_the_readme_renders_on_pypi_with_absolute_links_only(built):
     Targets().feed(html)
     assert not [target for target in targets if not target.startswith(("https://", "#"))]
     assert "<h2" in html
-    assert "docs/stitching.md" in html  # as words: that is where the source archive has it
+    assert "docs/gimp.md" in html  # as words: that is where the source archive has it
 
 
 def test_the_installation_is_told_truly():
     project = tomllib.loads((HERE / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert all(re.search(r">=\d", wanted) for wanted in project["dependencies"])
     assert not [wanted for wanted in project["dependencies"] if "maxflow" in wanted.lower()]
+    command_line = {"click", "pyvips", "qdldl", "cffi"}
+    names = {re.match(r"[\w-]+", wanted)[0] for wanted in project["dependencies"]}
+    assert not names & command_line
+    assert {"click", "pyvips"} <= {
+        re.match(r"[\w-]+", wanted)[0] for wanted in project["optional-dependencies"]["cli"]
+    }
     for extra in ("test", "bench"):
         (maxflow,) = (w for w in project["optional-dependencies"][extra] if w.startswith("PyMaxflow"))
         assert "python_version < '3.14'" in maxflow
@@ -222,6 +228,7 @@ def test_the_measured_three_commands_are_those_of_the_readme():
     (measured,) = re.findall(r'as_user no "(python3 -m venv .venv && .*)" >>', script)
     for without in (" -q", " --no-cache-dir", " --no-index", " --find-links ../wheels"):
         measured = measured.replace(without, "")
+    measured = measured.replace(".[cli]", "'.[cli]'")  # which is in quotes already there
     assert measured.split(" && ") == three.splitlines()
 
 
@@ -278,3 +285,47 @@ def test_the_tests_are_collected_where_there_is_nothing_of_unix(tmp_path):
         check=False,
     )
     assert done.returncode == 0, done.stdout[-3000:]
+
+
+@pytest.mark.parametrize("document", ["NOTICE", "docs/dependencies.md"])
+def test_documents_name_what_installing_brings(document):
+    project = tomllib.loads((HERE / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = ("cli", "heic", "plot", "dask", "video", "volumes", "fast", "graphcut")
+    wanted = [
+        *project["dependencies"],
+        *(one for extra in extras for one in project["optional-dependencies"][extra]),
+    ]
+    names = {re.match(r"[\w-]+", one)[0].lower() for one in wanted}
+    text = (HERE / document).read_text(encoding="utf-8").lower()
+    assert not [name for name in names if not re.search(rf"\b{re.escape(name)}\b", text)]
+    assert not [f"[{extra}]" for extra in extras if f"[{extra}]" not in text and f"`{extra}`" not in text]
+
+
+def test_recipes_have_the_fields_and_dependencies_that_are_listed():
+    listed = set(
+        re.findall(r"`([A-Z][A-Z\d_]{3,})`", (HERE / "packaging/README.md").read_text(encoding="utf-8"))
+    )
+    recipe = (HERE / "packaging/conda/recipe.yaml").read_text(encoding="utf-8")
+    assert listed == set(re.findall(r"\b[A-Z\d]+_(?:URL|SHA256)\b|\bMAINTAINER\b", recipe))
+    project = tomllib.loads((HERE / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    wanted = [*project["dependencies"], *project["optional-dependencies"]["cli"]]
+    names = {re.match(r"[\w-]+", one)[0].lower(): re.search(r">=([\d.]+)", one)[1] for one in wanted}
+    run = dict(re.findall(r"^    - ([\w-]+) >=([\d.]+)$", recipe.partition("  run:")[2], re.MULTILINE))
+    assert run == {
+        name: floor for name, floor in names.items() if name != "qdldl"
+    }  # which conda does not have
+    assert f'version: "{project_version()}"' in recipe
+
+
+def project_version():
+    return re.search(
+        r'__version__ = "(.+)"', (HERE / "core/toposeam/__init__.py").read_text(encoding="utf-8")
+    )[1]
+
+
+def test_the_dockerfile_installs_extras_that_there_are():
+    project = tomllib.loads((HERE / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    (extras,) = re.findall(
+        r"/source\[([\w,]+)\]", (HERE / "packaging/Dockerfile").read_text(encoding="utf-8")
+    )
+    assert set(extras.split(",")) <= set(project["optional-dependencies"])

@@ -16,6 +16,13 @@ def start() -> None:
     """Run the command line and end the process."""
     if signal.getsignal(signal.SIGINT) == signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)  # while the libraries load it ends us without a word
+    try:
+        import click  # noqa: F401 - what the library alone comes without
+    except ModuleNotFoundError:
+        sys.exit(
+            "Error: the command line needs more than the library; install it with: pip install click "
+            "'pyvips[binary]', or in the checkout: pip install '.[cli]'"
+        )
     from toposeam_cli.app.main import main
 
     if signal.getsignal(signal.SIGINT) == signal.SIG_DFL:

@@ -41,7 +41,9 @@ def save(path: str | Path, content: str | bytes) -> None:
                 temporary.replace(target)
         if fcntl is None:  # an open file cannot be renamed there
             temporary.replace(target)
-    except BaseException:
+    except BaseException as error:
         with suppress(OSError):
             temporary.unlink()
+        if isinstance(error, OSError) and error.filename == str(temporary):
+            error.filename = str(path)
         raise

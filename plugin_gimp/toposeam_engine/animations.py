@@ -17,7 +17,7 @@ def loop(job: EngineJob) -> dict[str, Any]:
     return {"frames": [job.write(with_alpha(frame, None)) for frame in made.frames], "start": made.start}
 
 
-def looped(job: EngineJob) -> ts.Loop:
+def looped(job: EngineJob) -> ts.volume.Loop:
     """Return the loop itself."""
     frames = []
     for raster in job.request["layers"]:

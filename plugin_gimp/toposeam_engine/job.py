@@ -32,12 +32,19 @@ class EngineJob:
 
         from toposeam.errors import ImageError
 
-        shape = (int(raster["height"]), int(raster["width"]), int(raster["channels"]))
-        if raster["dtype"] not in _DTYPES:
-            raise ImageError(f"pixels of type {raster['dtype']} were sent; use one of {', '.join(_DTYPES)}")
-        dtype = np.dtype(raster["dtype"])
-        path = self._inside(str(raster["file"]))
-        if 0 in shape or path.stat().st_size != shape[0] * shape[1] * shape[2] * dtype.itemsize:
+        try:
+            shape = (int(raster["height"]), int(raster["width"]), int(raster["channels"]))
+            kind, name = str(raster["dtype"]), str(raster["file"])
+        except (KeyError, TypeError, ValueError) as error:
+            wanted = "file, height, width, channels and dtype"
+            raise ImageError(f"the request describes its pixels by {raster!r:.200}; give {wanted}") from error
+        if kind not in _DTYPES:
+            raise ImageError(f"pixels of type {kind} were sent; use one of {', '.join(_DTYPES)}")
+        dtype = np.dtype(kind)
+        path = self._inside(name)
+        if not path.is_file():
+            raise ImageError(f"{path.name} is not in the request's folder; send it again")
+        if min(shape) < 1 or path.stat().st_size != shape[0] * shape[1] * shape[2] * dtype.itemsize:
             raise ImageError(
                 f"{path.name} has {path.stat().st_size} bytes, which is not {shape} of {dtype}; send it again"
             )

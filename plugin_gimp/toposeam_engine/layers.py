@@ -118,7 +118,7 @@ def blending(options: Mapping[str, Any]) -> dict[str, Any]:
     """Return the options; a width of 0 means the usual one, and some ways of blending have none."""
     chosen = dict(options)
     if law := chosen.pop("law", None):
-        chosen["cost"] = ts.MatchCost(law=law)
+        chosen["cost"] = ts.seam.MatchCost(law=law)
     width = chosen.pop("blend_width", 0)
     if width and chosen.get("blend") in ("feather", "multiband", "gradient"):
         chosen["blend_width"] = float(width)
@@ -126,7 +126,7 @@ def blending(options: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def changes_of(
-    job: EngineJob, layers: Sequence[ts.Layer], stitched: ts.Stitched, canvas: Extent
+    job: EngineJob, layers: Sequence[ts.Layer], stitched: ts.layers.Stitched, canvas: Extent
 ) -> dict[str, Any] | None:
     """Return the pixels in which the composite differs from the layers under their masks, transparent
     elsewhere; None if it does not differ.

@@ -19,22 +19,24 @@ _REACH = 5
 
 
 def lines_of(
-    paths: Iterable[ts.Polyline], shift: Floats, known: Sequence[Mapping[str, Any]] = ()
+    paths: Iterable[ts.vector.Polyline], shift: Floats, known: Sequence[Mapping[str, Any]] = ()
 ) -> list[dict[str, Any]]:
     """Return the curves of lines, and the exact pieces that each of these stands for; where a known line, on
     the asker's canvas, ran the same way, its curves are kept, and people wait for the others.
     """
     lines = []
     for path in paths:
-        line = ts.Polyline(path.points + shift, path.closed)
+        line = ts.vector.Polyline(path.points + shift, path.closed)
         curves, pieces = _like_known(line, known) or _smooth(line, at_once=bool(known))
         lines.append({"closed": line.closed, "curves": curves, "pieces": pieces})
     return lines
 
 
-def _smooth(line: ts.Polyline, *, at_once: bool = False) -> tuple[list[list[float]], list[list[float]]]:
+def _smooth(
+    line: ts.vector.Polyline, *, at_once: bool = False
+) -> tuple[list[list[float]], list[list[float]]]:
     tolerance = TOLERANCES_PX[-1] if at_once or line.length > _LONG_PX else None
-    smooth = ts.smooth_path(line, tolerance)
+    smooth = ts.vector.smooth_path(line, tolerance)
     pieces = [smooth.piece(index).ravel().tolist() for index in range(len(smooth.curves))]
     return smooth.curves.reshape(-1, 8).tolist(), pieces
 
@@ -51,7 +53,7 @@ class _Alike(NamedTuple):
 
 
 def _like_known(
-    line: ts.Polyline, known: Sequence[Mapping[str, Any]]
+    line: ts.vector.Polyline, known: Sequence[Mapping[str, Any]]
 ) -> tuple[list[list[float]], list[list[float]]] | None:
     """Curves and pieces of which those at both ends are a known line's; None where nothing is alike."""
     new = _dense(line.points)
@@ -73,7 +75,7 @@ def _like_known(
     begin, end = max(begin, 0), min(end, len(new) - 1)
     if end <= begin:
         return None
-    fitted, exact = _smooth(ts.Polyline(new[begin : end + 1]), at_once=True)
+    fitted, exact = _smooth(ts.vector.Polyline(new[begin : end + 1]), at_once=True)
     return [*curves[:left], *fitted, *curves[right:]], [*pieces[:left], *exact, *pieces[right:]]
 
 

@@ -25,7 +25,7 @@ def motif(job: EngineJob) -> dict[str, Any]:
     }
 
 
-def generated(job: EngineJob) -> ts.Motif:
+def generated(job: EngineJob) -> ts.motif.Motif:
     """Return the motif itself."""
     options = job.options
     size = options.pop("size")
@@ -49,7 +49,7 @@ def repeat(job: EngineJob) -> dict[str, Any]:
     result = {"densities": [job.write(density) for density in densities], "repeat": rule}
     name = str(job.options.get("palette", "own"))
     if name != "own":
-        chosen = ts.palette(name, len(densities))
+        chosen = ts.motif.palette(name, len(densities))
         result |= {"inks": [to_hex(ink) for ink in chosen.inks], "paper": to_hex(chosen.paper)}
     return result
 

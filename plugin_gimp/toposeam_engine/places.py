@@ -25,7 +25,7 @@ class PlacedLayers(NamedTuple):
     #: Which of the given ones these are.
     numbers: list[int]
     #: What was found out about them; None where nothing was sought.
-    placement: ts.Placement | None = None
+    placement: ts.layers.Placement | None = None
 
     @property
     def about(self) -> dict[str, Any]:
@@ -58,7 +58,7 @@ def placed(
     if places == "given":
         return PlacedLayers(list(layers), list(range(len(layers))))
     if places == "near":
-        return PlacedLayers(list(ts.align(layers).layers), list(range(len(layers))))
+        return PlacedLayers(list(ts.layers.align(layers).layers), list(range(len(layers))))
     if places != "anywhere":
         raise ts.OptionError(f"places is {places!r}; give 'given', 'near' or 'anywhere'")
     if scans:
@@ -85,8 +85,8 @@ def moved(layers: Sequence[ts.Layer], right: int, down: int) -> list[ts.Layer]:
 
 
 def framed(
-    layers: Sequence[ts.Layer], found: ts.Stitched, *, crop: bool
-) -> tuple[list[ts.Layer], ts.Stitched, list[int]]:
+    layers: Sequence[ts.Layer], found: ts.layers.Stitched, *, crop: bool
+) -> tuple[list[ts.Layer], ts.layers.Stitched, list[int]]:
     """Move everything so that a canvas which begins at 0,0 holds it, or the largest rectangle of it without
     holes; also return that canvas's width and height.
     """

@@ -80,15 +80,15 @@ def _patch(job: EngineJob) -> Image:
     return _with_seams(job, found)
 
 
-def _with_seams(job: EngineJob, found: ts.Stitched) -> Image:
+def _with_seams(job: EngineJob, found: ts.layers.Stitched) -> Image:
     lined = job.request.get("seam_line", True)
-    return with_alpha(ts.draw_seams(found.image, found.seams) if lined else found.image, found.alpha)
+    return with_alpha(ts.seam.draw_seams(found.image, found.seams) if lined else found.image, found.alpha)
 
 
 def _stacked(job: EngineJob) -> Image:
     """Layers on each other, as they lie."""
     layers = layers_of(job)
-    canvas = ts.common_canvas(layers)
+    canvas = ts.layers.common_canvas(layers)
     first = with_alpha(layers[0].image, None)
     picture = np.zeros((*canvas.shape, first.shape[2]), first.dtype)
     for layer in layers:
@@ -156,7 +156,7 @@ def _motif(job: EngineJob) -> Image:
     options["iterations"] = min(options["iterations"], _MOTIF_ITERATIONS[exact])
     made = motifs.generated(dataclasses.replace(job, request={**job.request, "options": options}))
     sheet = made if options["repeat"] == "none" else ts.repeat(made, (2, 2))
-    image = sheet.image() if isinstance(sheet, ts.Motif) else sheet
+    image = sheet.image() if isinstance(sheet, ts.motif.Motif) else sheet
     return _small(with_alpha(np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8), None))
 
 
@@ -167,7 +167,7 @@ def _repeat(job: EngineJob) -> Image:
         inks = np.array([parse_colour(ink) for ink in job.request["inks"]])
         paper = np.array(parse_colour(str(job.request["paper"])))
     else:
-        chosen = ts.palette(name, len(densities))
+        chosen = ts.motif.palette(name, len(densities))
         inks, paper = chosen.inks, chosen.paper
     image = mix(np.stack(densities) / np.float32(255), inks, paper)
     return with_alpha(np.rint(image * 255).astype(np.uint8), None)

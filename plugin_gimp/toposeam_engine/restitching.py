@@ -47,7 +47,7 @@ def restitch(job: EngineJob) -> dict[str, Any]:
     """
     layers, options = layers_of(job), blending(job.options)
     cost = options.pop("cost", None)
-    canvas = ts.common_canvas(layers)
+    canvas = ts.layers.common_canvas(layers)
     written = _written(job, canvas)
     kept = written is not None and bool(job.request.get("masks_kept"))
     shown = written if kept and written is not None else _shown(job, layers, canvas)
@@ -57,7 +57,7 @@ def restitch(job: EngineJob) -> dict[str, Any]:
     paths = {(int(seam["pair"][0]), int(seam["pair"][1])): _drawing(seam, canvas) for seam in seams}
     labels = before
     if paths:
-        labels = ts.restitch(layers, _masks(before, len(layers)), paths).label_map
+        labels = ts.layers.restitch(layers, _masks(before, len(layers)), paths).label_map
     job.progress(0.2)
     wanted = _strokes(job, layers, canvas)
     painted = None if kept or written is None else (shown != written) & (shown >= 0)
@@ -70,7 +70,7 @@ def restitch(job: EngineJob) -> dict[str, Any]:
     job.progress(0.6)
     blended = None
     if options.get("blend", "none") != "none":
-        found = ts.restitch(layers, _masks(labels, len(layers)), {}, **options)
+        found = ts.layers.restitch(layers, _masks(labels, len(layers)), {}, **options)
         blended = changes_of(job, layers, found, canvas)
     result = {
         "masks": masks_of(job, layers, labels, canvas),
@@ -167,7 +167,7 @@ def _joined_round(
     labels: Labels,
     wanted: Labels,
     wrong: Mask,
-    cost: ts.MatchCost | None,
+    cost: ts.seam.MatchCost | None,
     blend: str,
 ) -> Labels:
     """(H, W), what shows when the strokes are obeyed."""
@@ -184,7 +184,7 @@ def _joined_round(
     result = labels.copy()
     here = result[box.slices]
     try:
-        composed = ts.compose(parts, cost=cost, blend="none" if blend == "soft" else blend)  # type: ignore[arg-type]
+        composed = ts.layers.compose(parts, cost=cost, blend="none" if blend == "soft" else blend)  # type: ignore[arg-type]
     except ts.OverlapError:  # what is painted alone, where there is no way round it
         here[want >= 0] = want[want >= 0]
         return result
@@ -239,7 +239,7 @@ def _seams(
         shift = np.array([common.left + canvas.origin[0], common.top + canvas.origin[1]], float)
         traced = trace_boundary(own == pair[1], ground)
         if traced:
-            name = ts.pair_name(*(layers[index].name for index in pair))
+            name = ts.layers.pair_name(*(layers[index].name for index in pair))
             seams.append({"pair": pair, "name": name, "lines": lines_of(traced, shift, known.get(pair, ()))})
     return seams
 
@@ -259,7 +259,7 @@ def _drawing(entry: Mapping[str, Any], canvas: Extent) -> SvgSeam:
     """Return the lines of a seam, on the canvas."""
     shift = np.array(canvas.origin, float)
     lines = tuple(
-        ts.Polyline(np.array(line["points"], float).reshape(-1, 2) - shift, bool(line["closed"]))
+        ts.vector.Polyline(np.array(line["points"], float).reshape(-1, 2) - shift, bool(line["closed"]))
         for line in entry["lines"]
     )
     height, width = canvas.shape

@@ -49,7 +49,7 @@ def stitch(job: EngineJob) -> dict[str, Any]:
     return result | _joined(job, layers, found)
 
 
-def stitched(job: EngineJob, layers: Sequence[ts.Layer]) -> tuple[PlacedLayers, ts.Stitched]:
+def stitched(job: EngineJob, layers: Sequence[ts.Layer]) -> tuple[PlacedLayers, ts.layers.Stitched]:
     """Return the layers, in the places and tones asked for, and what they make."""
     options = blending(job.options)
     start = _FINDING if options.get("places") == "anywhere" else 0.0
@@ -62,7 +62,7 @@ def stitched(job: EngineJob, layers: Sequence[ts.Layer]) -> tuple[PlacedLayers, 
         options |= {"blend": "none"}
         options.pop("blend_width", None)
     if tones or shading:
-        place = place._replace(layers=ts.match_tones(place.layers, shading=shading))
+        place = place._replace(layers=ts.layers.match_tones(place.layers, shading=shading))
 
     def report(share: float) -> None:
         job.progress(start + (1 - start) * share)
@@ -76,16 +76,16 @@ def patch(job: EngineJob) -> dict[str, Any]:
     return _joined(job, layers, stitched_patch(job, layers))
 
 
-def stitched_patch(job: EngineJob, layers: Sequence[ts.Layer]) -> ts.Stitched:
+def stitched_patch(job: EngineJob, layers: Sequence[ts.Layer]) -> ts.layers.Stitched:
     """Return what the layer below and the patch make."""
-    avoid = avoided_on(job, ts.common_canvas(layers))
+    avoid = avoided_on(job, ts.layers.common_canvas(layers))
     return ts.stitch(layers, avoid=avoid, progress=job.progress, **blending(job.options))
 
 
 def patch_layers(job: EngineJob) -> list[ts.Layer]:
     """Read the layer below, and the patch where it is selected."""
     below, above = layers_of(job)
-    selected = selected_on(job, ts.common_canvas([above]))
+    selected = selected_on(job, ts.layers.common_canvas([above]))
     return [below, above if selected is None else dataclasses.replace(above, mask=selected)]
 
 
@@ -93,22 +93,22 @@ def outside(job: EngineJob, layers: Sequence[ts.Layer]) -> Any:
     """(H, W) bool on the layers' canvas: what the selection leaves out, and what seams keep away from; None
     without either.
     """
-    canvas = ts.common_canvas(layers)
+    canvas = ts.layers.common_canvas(layers)
     selected, avoided = selected_on(job, canvas), avoided_on(job, canvas)
     if selected is None or avoided is None:
         return avoided if selected is None else ~selected
     return ~selected | avoided
 
 
-def _joined(job: EngineJob, layers: Sequence[ts.Layer], found: ts.Stitched) -> dict[str, Any]:
-    canvas = ts.common_canvas(layers)
+def _joined(job: EngineJob, layers: Sequence[ts.Layer], found: ts.layers.Stitched) -> dict[str, Any]:
+    canvas = ts.layers.common_canvas(layers)
     return {
         "masks": masks_of(job, layers, found.label_map, canvas),
         "labels": labels_raster(job, found.label_map, canvas),
         "seams": [
             {
                 "pair": pair,
-                "name": ts.pair_name(*(found.names[index] for index in pair)),
+                "name": ts.layers.pair_name(*(found.names[index] for index in pair)),
                 "lines": lines_of(seam.paths, np.array(found.origin, float)),
             }
             for pair, seam in zip(found.pairs, found.seams, strict=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -16,9 +15,9 @@ from toposeam_engine.layers import colours_of, place_of, with_alpha
 
 #: What is copied into a hole from around it comes from at least so near.
 _AROUND_PX = 48
-#: Of layers of more pixels a hole is filled from as far round it as a square as large as its bounding box has
-#: sides, and at least from so far, px.
-_LARGE, _LEAST_REACH = 1 << 20, 512
+#: Of layers of more pixels a hole is filled from as far round it as so many times its longer side, and at
+#: least from so far, px, as :func:`toposeam.fill` does itself; nearer by, objects are repeated.
+_LARGE, _AROUND, _LEAST_REACH = 1 << 20, 1.5, 512
 
 Part = tuple[slice, slice]
 
@@ -37,7 +36,7 @@ def synthesize(job: EngineJob) -> dict[str, Any]:
     return {"picture": job.write(with_alpha(made.image, made.alpha))}
 
 
-def synthesized(job: EngineJob) -> ts.Synthesis:
+def synthesized(job: EngineJob) -> ts.texture.Synthesis:
     """Return the texture itself."""
     sample, options = _sample(job), _usual(job.options, "patch", "overlap")
     return ts.synthesize(
@@ -57,7 +56,7 @@ def make_tileable(job: EngineJob) -> dict[str, Any]:
     return {"picture": job.write(with_alpha(made.image, made.alpha))}
 
 
-def made_tileable(job: EngineJob) -> ts.Synthesis:
+def made_tileable(job: EngineJob) -> ts.texture.Synthesis:
     """Return the tile itself."""
     sample, options = _sample(job), _usual(job.options, "band")
     return ts.make_tileable(
@@ -133,8 +132,8 @@ def filled(job: EngineJob) -> Filled:
 
 def _surroundings(hole: Mask) -> Part:
     """Return the part of a large layer that is looked at to fill a hole."""
-    height, width = (side.stop - side.start for side in box_of(hole))
-    return box_of(hole, max(_LEAST_REACH, math.isqrt(height * width)))
+    longer = max(side.stop - side.start for side in box_of(hole))
+    return box_of(hole, max(_LEAST_REACH, round(_AROUND * longer)))
 
 
 def _scarce(sample: Sample) -> bool:

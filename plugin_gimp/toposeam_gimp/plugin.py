@@ -7,14 +7,15 @@ from __future__ import annotations
 import traceback
 from dataclasses import replace
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
-from gi.repository import Gegl, Gimp, GLib, GObject
+from gi.repository import Gegl, Gimp, Gio, GLib, GObject
 
 from toposeam_gimp.engine.call import Call, GoneError
 from toposeam_gimp.engine.folder import FolderError, is_full
 from toposeam_gimp.engine.process import EngineError
-from toposeam_gimp.entries.entry import Option, Procedure
+from toposeam_gimp.entries.entry import LAYERS, TEXTURES, WALLPAPERS, Option, Procedure
 from toposeam_gimp.entries.table import PROCEDURES
 from toposeam_gimp.image.layers import RefusedError
 from toposeam_gimp.image.path_choice import UnclearError
@@ -27,6 +28,8 @@ _SENSITIVE = {
     "several": Gimp.ProcedureSensitivityMask.DRAWABLES,
     "nothing": Gimp.ProcedureSensitivityMask.ALWAYS,
 }
+_PICTURES = Path(__file__).parent / "pictures"
+_ICONS = {LAYERS: "layers", TEXTURES: "textures", WALLPAPERS: "wallpapers"}
 _READ_WRITE = GObject.ParamFlags.READWRITE
 #: Pixels are read and written once, block by block; GEGL would keep far more bytes of them.
 _TILES_KEPT = 16 << 20
@@ -50,6 +53,7 @@ class TopoSeam(Gimp.PlugIn):  # type: ignore[misc]
         procedure.set_image_types("*" if entry.needs == "nothing" else "RGB*, GRAY*")
         procedure.set_sensitivity_mask(_SENSITIVE[entry.needs])
         procedure.set_menu_label(entry.label)
+        procedure.set_icon_file(Gio.File.new_for_path(str(_PICTURES / f"icon-{_ICONS[entry.menu]}.svg")))
         # GIMP sorts by name; sections, which are hidden, keep the order of the table.
         procedure.add_menu_path(f"{_MENU}/{entry.menu}/[{list(PROCEDURES).index(name):02}]")
         if entry.also:
@@ -102,6 +106,8 @@ def _run(
     )
     try:
         name, function = entry.work.split(".")
+        if interactive and not _has_engine():
+            return procedure.new_return_values(Gimp.PDBStatusType.CANCEL, None)
         if interactive and entry.options and not _ask_user(procedure, config, entry, image, drawables):
             return procedure.new_return_values(Gimp.PDBStatusType.CANCEL, None)
         call = replace(call, options={one.name: config.get_property(one.name) for one in entry.options})
@@ -138,6 +144,12 @@ def _run(
     value = GObject.Value(Gimp.Layer, layer)
     result.insert(1, value)
     return result
+
+
+def _has_engine() -> bool:
+    from toposeam_gimp.dialogs.first_use import has_engine
+
+    return has_engine()
 
 
 def _ask_user(

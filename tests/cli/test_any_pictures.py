@@ -14,7 +14,7 @@ import toposeam as ts
 from toposeam_cli.media.pictures.picture import Picture, match_pictures, read_picture, write_picture
 
 # The thesis's own takes a second each time, and auto takes one of the others.
-METHODS = [method for method in ts.METHODS if method not in ("auto", "thesis")]
+METHODS = [method for method in ts.seam.METHODS if method not in ("auto", "thesis")]
 
 
 @st.composite
@@ -74,7 +74,7 @@ def pairs(draw, least=1):
             for n, m in zip(size_a, size_b, strict=True)
         )
         return a, b, [f"--offset={x},{y}"]
-    side = draw(st.sampled_from(ts.SIDES))
+    side = draw(st.sampled_from(ts.seam.SIDES))
     axis = 0 if side in ("left", "right") else 1
     longest = min(size_a[axis], size_b[axis])
     lengths = st.integers(0, 60).map(str) if astray else st.integers(1, longest).map(str)

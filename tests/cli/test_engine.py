@@ -31,7 +31,7 @@ def test_stitch_is_what_core_finds(request_folder, pair, ask):
     np.testing.assert_array_equal(request_folder.seen(result["masks"], PLACES, (35, 60)), expected.label_map)
     (line,) = result["seams"][0]["lines"]
     path = expected.seams[0].paths[0]
-    assert ts.Polyline(points_of(line), line["closed"]).length == path.length
+    assert ts.vector.Polyline(points_of(line), line["closed"]).length == path.length
     np.testing.assert_array_equal(points_of(line)[[0, -1]], path.points[[0, -1]])
     assert len(line["pieces"]) == len(line["curves"])
 
@@ -93,7 +93,7 @@ def test_the_found_lines_applied_again_give_the_same_masks(request_folder, pair)
     np.testing.assert_array_equal(request_folder.seen(second["masks"], PLACES, (35, 60)), found)
 
 
-@pytest.mark.parametrize("blend", ts.BLENDS)
+@pytest.mark.parametrize("blend", ts.layers.BLENDS)
 def test_masks_and_blended_pixels_compose_core_s_result(request_folder, pair, blend):
     pair[1] = np.maximum(pair[1], 60)
     layers = [request_folder.raster("a", pair[0]), request_folder.raster("b", pair[1], (20, 5))]
@@ -261,3 +261,22 @@ def test_a_larger_core_shows_more_of_a_patch_as_texts_say(request_folder, pair):
     (field,) = (each for entry in SEAM_ENTRIES for each in entry.options if each.name == "core")
     for text in (option.help, field.help):
         assert re.search(r"outwards.* must |must .* outwards", text)
+
+
+@pytest.mark.parametrize(
+    ("changes", "phrase"),
+    [
+        ({"height": None}, "give file, height, width, channels and dtype"),
+        ({"height": "tall"}, "give file, height, width, channels and dtype"),
+        ({"height": -30}, "send it again"),
+        ({"height": 10**12}, "send it again"),
+        ({"dtype": "float64"}, "use one of uint8"),
+        ({"file": "gone.raw"}, "is not in the request's folder"),
+        ({"file": "../a.raw"}, "is not the name of a file"),
+    ],
+    ids=str,
+)
+def test_pixels_that_are_described_wrongly_are_refused(request_folder, pair, changes, phrase):
+    layers = [request_folder.raster("a", pair[0]), request_folder.raster("b", pair[1], (20, 5))]
+    layers[1] = {name: value for name, value in {**layers[1], **changes}.items() if value is not None}
+    assert phrase in message_of(request_folder.ask(operation="stitch", layers=layers))

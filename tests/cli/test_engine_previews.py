@@ -81,7 +81,9 @@ def test_a_preview_of_a_pattern_is_in_its_colours(request_folder):
     request["options"] = {"rows": 2, "columns": 1, "repeat": "own", "palette": "sea"}
     shown = request_folder.pixels(result_of(request_folder.ask(operation="preview", **request))["picture"])
     assert shown.shape == (40, 30, 4)
-    paper, ink = (tuple(int(part[at : at + 2], 16) for at in (1, 3, 5)) for part in ts.PALETTES["sea"][:2])
+    paper, ink = (
+        tuple(int(part[at : at + 2], 16) for at in (1, 3, 5)) for part in ts.motif.PALETTES["sea"][:2]
+    )
     assert tuple(shown[0, 20, :3]) == paper
     assert np.abs(shown[0, 0, :3].astype(int) - ink).max() <= 40  # the ink on that paper
 

@@ -122,7 +122,7 @@ def test_a_warm_engine_is_told_one_folder_after_another(tmp_path, request_folder
             answer = tell(process, request_folder, **request, options=options)
             shown = request_folder.pixels(answer["result"]["picture"])
             expected = ts.stitch(placed, blend="feather", blend_width=width / 2)
-            np.testing.assert_array_equal(shown[..., :3], ts.draw_seams(expected.image, expected.seams))
+            np.testing.assert_array_equal(shown[..., :3], ts.seam.draw_seams(expected.image, expected.seams))
         refused = tell(process, request_folder, **request, options={"blend": "glue"})
         assert "blend" in refused["message"]
         (tmp_path / "another").mkdir()

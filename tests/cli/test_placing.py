@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+import PIL.Image
 import pytest
 import tifffile
 from scipy import ndimage
@@ -186,6 +187,19 @@ def test_a_plain_picture_at_a_given_place_gives_a_warning(crops, toposeam, tmp_p
     assert "a.png and plain.png hardly show the same where they overlap (correlation 0.00)" in ran.err
     sky = toposeam("stitch", "plain.png", "plain.png", "--offset", "200,0", "-o", "sky.png")
     assert (sky.code, sky.err) == (0, "")
+
+
+def test_of_many_strangers_the_first_pairs_are_named(folder, toposeam):
+    rng = np.random.default_rng(0)
+    places = []
+    for number in range(6):
+        pixels = rng.integers(0, 256, (40, 40), np.uint8)
+        PIL.Image.fromarray(pixels).save(folder / f"s{number}.png")
+        places += ["--at", f"{20 * number},0"]
+    ran = toposeam("stitch", *(f"s{number}.png" for number in range(6)), *places, "-o", "all.png")
+    assert ran.code == 0
+    assert ran.err.count("hardly show the same") == 3
+    assert "warning: the same holds for 2 more pairs of pictures\n" in ran.err
 
 
 def test_folders_and_layouts_are_not_taken_for_pictures(unlike, toposeam):

@@ -42,6 +42,16 @@ def test_a_name_with_a_space_is_quoted_in_it(folder, toposeam):
     assert "stitch 'a picture.png' b.png -o c.png" in toposeam("a picture.png", "b.png", "-o", "c.png").err
 
 
+@pytest.mark.parametrize("name", ["a" * 400, "a" * 400 + ".png"])
+def test_names_that_no_file_can_have_are_answered(folder, toposeam, name):
+    toposeam("tile", name).fails("write: toposeam tile", 2)
+
+
+def test_a_name_with_a_line_break_stays_on_one_line(folder, toposeam):
+    (folder / "a.png").rename(folder / "a\nb.png")
+    toposeam("tile", "a\nb.png").fails("write: toposeam tile 'a\\nb.png' -o result.png", 2)
+
+
 @pytest.mark.parametrize(
     ("typed", "meant"),
     [

@@ -59,6 +59,14 @@ def test_the_version_is_the_package_s(toposeam):
     assert toposeam("--version").out == f"toposeam, version {ts.__version__}\n"
 
 
+def test_without_click_the_command_says_what_to_install():
+    code = "import sys; sys.modules['click'] = None; from toposeam_cli.__main__ import start; start()"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert "pip install click 'pyvips[binary]', or in the checkout: pip install '.[cli]'" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
 def on_terminal(process, *arguments, env=None):
     """Run with stderr on a terminal; what it wrote there, and on stdout."""
     ours, theirs = pty.openpty()

@@ -44,13 +44,13 @@ def pair(a, b, **options):
 #: Calls with two pictures, (24, 32, 3).
 CALLS = {
     "find_seam": lambda a, b: ts.find_seam(a, b),
-    "apply_paths": lambda a, b: ts.apply_paths(ts.read_svg(SEAM.to_svg()), a, b),
-    "seam_verdict": lambda a, b: ts.seam_verdict(SEAM, a, b),
+    "apply_paths": lambda a, b: ts.seam.apply_paths(ts.vector.read_svg(SEAM.to_svg()), a, b),
+    "seam_verdict": lambda a, b: ts.seam.seam_verdict(SEAM, a, b),
     "find_surface": lambda a, b: ts.find_surface(
         np.stack([a, b] * 2), np.stack([b, a] * 2), axis=0, channel_axis=-1
     ),
     "loop": lambda a, b: ts.loop(np.stack([a] * 3 + [b] * 5), transition=2),
-    "flatten_light": lambda a, b: ts.flatten_light(a),
+    "flatten_light": lambda a, b: ts.texture.flatten_light(a),
     "synthesize": lambda a, b: ts.synthesize(a, 32, patch=8),
     "synthesize flat": lambda a, b: ts.synthesize(a, 32, patch=8, flatten=True),
     "synthesize maps": lambda a, b: ts.synthesize(A, 32, patch=8, maps=[a], weights=[1, 1]),
@@ -58,20 +58,20 @@ CALLS = {
     "fill patches": lambda a, b: ts.fill(a, HOLE, patch=6),
     "fill shifts": lambda a, b: ts.fill(a, HOLE, by="shifts"),
     "make_tileable": lambda a, b: ts.make_tileable(np.repeat(a, 2, axis=a.shape.index(24))),
-    "natural_patch": lambda a, b: ts.natural_patch(a),
-    "closing_size": lambda a, b: ts.closing_size(a, (32, 32)),
+    "natural_patch": lambda a, b: ts.texture.natural_patch(a),
+    "closing_size": lambda a, b: ts.texture.closing_size(a, (32, 32)),
     "stitch": lambda a, b: ts.stitch(pair(a, b)),
-    "compose": lambda a, b: ts.compose(pair(a, b)),
-    "align": lambda a, b: ts.align(pair(a, b), radius=4),
-    "correlations": lambda a, b: ts.correlations(pair(a, b)),
-    "match_tones": lambda a, b: ts.match_tones(pair(a, b)),
+    "compose": lambda a, b: ts.layers.compose(pair(a, b)),
+    "align": lambda a, b: ts.layers.align(pair(a, b), radius=4),
+    "correlations": lambda a, b: ts.layers.correlations(pair(a, b)),
+    "match_tones": lambda a, b: ts.layers.match_tones(pair(a, b)),
     "find_places": lambda a, b: ts.find_places(pair(a, b)),
-    "placed": lambda a, b: ts.placed(ts.Layer(a), at=(0, 0), turn=1),
-    "restitch": lambda a, b: ts.restitch(pair(a, b), HALF, {}, blend="multiband"),
-    "palette": lambda a, b: ts.palette(a, 3),
-    "kaleidoscope": lambda a, b: ts.kaleidoscope(a, "p4m", (16, 16)),
-    "border_visibility": lambda a, b: ts.border_visibility(a, (8, 8)),
-    "random_recipe": lambda a, b: ts.random_recipe(24, base=a),
+    "placed": lambda a, b: ts.layers.placed(ts.Layer(a), at=(0, 0), turn=1),
+    "restitch": lambda a, b: ts.layers.restitch(pair(a, b), HALF, {}, blend="multiband"),
+    "palette": lambda a, b: ts.motif.palette(a, 3),
+    "kaleidoscope": lambda a, b: ts.motif.kaleidoscope(a, "p4m", (16, 16)),
+    "border_visibility": lambda a, b: ts.motif.border_visibility(a, (8, 8)),
+    "random_recipe": lambda a, b: ts.motif.random_recipe(24, base=a),
 }
 
 #: (F, C, H, W) may be a clip of 32 channels; guides of floats only have to agree with each other.
@@ -92,7 +92,7 @@ def test_no_array_is_taken_for_what_it_may_not_be(call, kind):
 
 def test_light_is_flattened_within_what_is_white():
     deep = np.linspace(100, 4000, 64 * 64).reshape(64, 64).astype(np.int32)
-    flat = ts.flatten_light(deep, data_range=4095)
+    flat = ts.texture.flatten_light(deep, data_range=4095)
     assert flat.dtype == np.int32
     assert 0 <= flat.min() <= flat.max() <= 4095
     made = ts.synthesize(deep, 48, patch=16, flatten=True, data_range=4095)
@@ -101,24 +101,24 @@ def test_light_is_flattened_within_what_is_white():
     spoilt = deep / 4095
     spoilt[:, 60:] = np.nan
     where = np.isfinite(spoilt)
-    assert np.isfinite(ts.flatten_light(spoilt, source_mask=where)[where]).all()
+    assert np.isfinite(ts.texture.flatten_light(spoilt, source_mask=where)[where]).all()
 
 
 def test_integer_maps_are_cut_and_nan_values_are_not_mixed():
     labels = np.arange(24 * 32).reshape(24, 32)  # int64
     np.testing.assert_array_equal(
-        ts.apply_coordinates(labels, SOURCE, smooth=0), labels[SOURCE[..., 0], SOURCE[..., 1]]
+        ts.texture.apply_coordinates(labels, SOURCE, smooth=0), labels[SOURCE[..., 0], SOURCE[..., 1]]
     )
     holed = np.where(A[..., 0] > 0.9, np.nan, A[..., 0])
-    assert np.isnan(ts.apply_coordinates(holed, SOURCE, smooth=0)).any()
+    assert np.isnan(ts.texture.apply_coordinates(holed, SOURCE, smooth=0)).any()
     with pytest.raises(ts.ImageError, match="say smooth=0"):
-        ts.apply_coordinates(holed, SOURCE)
+        ts.texture.apply_coordinates(holed, SOURCE)
 
 
 @pytest.mark.parametrize("number", [np.full((24, 24), 65536), np.full((24, 24), -1), np.zeros((24, 24))])
 def test_numbers_of_exemplars_are_whole_and_within_their_range(number):
     with pytest.raises(ts.TopoSeamError, match=r"beyond the pictures|pass whole numbers"):
-        ts.apply_coordinates(A, SOURCE, number)
+        ts.texture.apply_coordinates(A, SOURCE, number)
 
 
 def test_masked_arrays_are_no_masks_and_no_grounds():
@@ -127,7 +127,7 @@ def test_masked_arrays_are_no_masks_and_no_grounds():
         lambda: ts.find_seam(A, B, masked, masked),
         lambda: ts.fill(A, masked, patch=6),
         lambda: ts.plan_path(masked, (1, 1), (20, 20)),
-        lambda: ts.path_cost(ts.Polyline([(1, 1), (9, 9)]), masked),
+        lambda: ts.path.path_cost(ts.vector.Polyline([(1, 1), (9, 9)]), masked),
     ):
         with pytest.raises(ts.TopoSeamError, match="masked array"):
             call()

@@ -50,9 +50,9 @@ def test_layers_are_told_by_number_and_by_name():
 def test_a_path_between_layers_names_the_layers():
     whole = np.random.default_rng(0).random((30, 60))
     layers = [ts.Layer(whole[:, :40], name="patch b"), ts.Layer(whole[:, 20:], at=(20, 0), name="{a}")]
-    line = ts.Polyline([[30, -1], [30, 15], [70, 15]])
+    line = ts.vector.Polyline([[30, -1], [30, 15], [70, 15]])
     with pytest.raises(PathError) as raised:
-        ts.stitch(layers, use_path=ts.SvgSeam((line,), 60, 30, None, ("seam",)))
+        ts.stitch(layers, use_path=ts.vector.SvgSeam((line,), 60, 30, None, ("seam",)))
     assert "of an edge of {a} the path leaves" in str(raised.value)
     assert "of an edge of {a} the path leaves" in raised.value.said(lambda term: "X")
 

@@ -17,11 +17,11 @@ from toposeam.volume.heat.method import SurfaceKeywords
 @pytest.mark.parametrize(
     ("keywords", "options"),
     [
-        (SeamKeywords, [ts.HeatOptions, ts.ThesisOptions]),
-        (LayKeywords, [ts.LayOptions]),
-        (SurfaceKeywords, [ts.SurfaceOptions]),
-        (PathKeywords, [ts.PathOptions]),
-        (SvgKeywords, [ts.SvgOptions]),
+        (SeamKeywords, [ts.seam.HeatOptions, ts.seam.ThesisOptions]),
+        (LayKeywords, [ts.texture.LayOptions]),
+        (SurfaceKeywords, [ts.volume.SurfaceOptions]),
+        (PathKeywords, [ts.path.PathOptions]),
+        (SvgKeywords, [ts.motif.SvgOptions]),
     ],
 )
 def test_keywords_are_fields_of_options(keywords, options):
@@ -30,5 +30,5 @@ def test_keywords_are_fields_of_options(keywords, options):
 
 
 def test_keywords_of_motifs_are_those_of_recipes():
-    parameters = set(inspect.signature(ts.random_recipe).parameters)
+    parameters = set(inspect.signature(ts.motif.random_recipe).parameters)
     assert set(RecipeKeywords.__annotations__) == parameters - {"size"}

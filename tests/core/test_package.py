@@ -6,8 +6,10 @@ import subprocess
 import sys
 from importlib.metadata import version
 from pathlib import Path
+from types import ModuleType
 
 import pytest
+from public_names import public_names
 
 import toposeam as ts
 
@@ -139,16 +141,24 @@ def test_the_version_is_stated_once():
 
 
 @pytest.mark.medium
-def test_what_is_offered_exists():
-    assert len(ts.__all__) == len(set(ts.__all__))
-    assert all(hasattr(ts, name) for name in ts.__all__)
-    public = {
-        name
-        for name, value in vars(ts).items()
-        if not name.startswith("_") and not hasattr(value, "__path__")
-    }
-    modules = {name for name, value in vars(ts).items() if type(value).__name__ == "module"}
-    assert public - modules == set(ts.__all__)
+def test_what_is_offered_exists_once():
+    rooms = [ts, *(value for value in vars(ts).values() if isinstance(value, ModuleType))]
+    names = [name.split(".")[-1] for name in public_names()]
+    assert len(names) == len(set(names))
+    for room in rooms:
+        assert sorted(room.__all__) == sorted(set(room.__all__))
+
+
+@pytest.mark.medium
+def test_rooms_show_nothing_but_what_they_offer():
+    code = (
+        "import toposeam as ts\n"
+        "for room in (ts, ts.layers, ts.motif, ts.seam, ts.texture, ts.volume):\n"
+        "    own = {n: v for n, v in vars(room).items() if not n.startswith('_')}\n"
+        "    shown = {n for n, v in own.items() if not hasattr(v, '__file__')}\n"
+        "    assert shown - {'lazy_loader'} <= set(room.__all__), (room, shown)\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def test_every_error_is_ours_and_a_builtin():

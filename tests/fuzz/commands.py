@@ -377,6 +377,11 @@ class Fuzzer:
             )
         ):
             return f"no sentence: {told[-500:]!r}"
+        if tuple(words[:2]) == ("gimp", "install") or words[0] == "book":
+            now = self.states()  # they add files to a folder that is named
+            files = {name: state for name, state in self.remembered.items() if not Path(name).is_dir()}
+            if files.items() <= now.items():
+                self.remembered = now
         if self.states() != self.remembered:
             return "an input has changed"
         if self.door.came:

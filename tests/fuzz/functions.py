@@ -6,11 +6,15 @@
 import inspect
 import random
 import sys
+from pathlib import Path
 
 import numpy as np
 from watched import LARGEST_BYTES, LONGEST_S, TooLong, tell, watched
 
 import toposeam as ts
+
+sys.path.append(str(Path(__file__).parents[1] / "core"))
+from public_names import public_names
 
 HOSTILE = [
     None,
@@ -80,12 +84,12 @@ HOSTILE = [
 ]
 #: What makes no sense to call with anything: values that functions return.
 FUNCTIONS = {
-    name: getattr(ts, name)
-    for name in ts.__all__
-    if inspect.isfunction(getattr(ts, name))
+    name.split(".")[-1]: value
+    for name, value in public_names().items()
+    if inspect.isfunction(value)
     or (
-        inspect.isclass(getattr(ts, name))
-        and (name.endswith("Options") or name in ("Layer", "Polyline", "MatchCost"))
+        inspect.isclass(value)
+        and (name.endswith("Options") or name in ("Layer", "vector.Polyline", "seam.MatchCost"))
     )
 }
 
@@ -115,7 +119,12 @@ class Fuzzer:
             return [ts.Layer(self.picture()), ts.Layer(self.picture(), at=(12, 3))]
         if "Callable" in said:
             return lambda share: None
-        choices = {"method": ts.METHODS, "blend": ts.BLENDS, "repeat": ts.REPEATS, "side": ts.SIDES}
+        choices = {
+            "method": ts.seam.METHODS,
+            "blend": ts.layers.BLENDS,
+            "repeat": ts.motif.REPEATS,
+            "side": ts.seam.SIDES,
+        }
         if name in choices:
             return rng.choice(list(choices[name]))
         if "Tileable" in said:
@@ -127,7 +136,7 @@ class Fuzzer:
         if name == "ground":
             return 0.5 + self.numbers.random((16, 24))
         if "palette" in name or (name == "source" and "str" in said):
-            return rng.choice(list(ts.PALETTES))
+            return rng.choice(list(ts.motif.PALETTES))
         if name in ("at", "counts", "size", "arrangement", "cell") or "tuple[int, int]" in said:
             return (
                 rng.choice([(1, 2), (24, 16), (32, 32)])
@@ -137,15 +146,15 @@ class Fuzzer:
         if "Point" in said or name in ("sources", "sinks", "stopovers"):
             return [(rng.uniform(0, 20), rng.uniform(0, 14))]
         if "Recipe" in said or name == "recipe":
-            return ts.random_recipe(24, layers=1, iterations=3, seed=rng.randrange(9))
+            return ts.motif.random_recipe(24, layers=1, iterations=3, seed=rng.randrange(9))
         if "Motif" in said:
             return ts.generate_motif(24, layers=1, iterations=2, seed=rng.randrange(9))
         if "Polyline" in said or name == "points":
             points = self.numbers.random((5, 2)) * 15
-            return points if name == "points" else ts.Polyline(points)
+            return points if name == "points" else ts.vector.Polyline(points)
         if "SvgSeam" in said or ("str | bytes" in said):
             text = ts.find_seam(self.numbers.random((16, 24)), self.numbers.random((16, 24))).to_svg()
-            return text if "bytes" in said else ts.read_svg(text)
+            return text if "bytes" in said else ts.vector.read_svg(text)
         if "ArrayLike" in said or "Image" in said or "NDArray" in said:
             return self.picture()
         if "bool" in said and "float" not in said:
@@ -175,11 +184,15 @@ class Fuzzer:
                 arguments.append(value)
         takes_more = any(parameter.kind is parameter.VAR_KEYWORD for _, parameter in parameters)
         if takes_more and self.rng.random() < 0.4:
-            kinds = [value for key, value in vars(ts).items() if key.endswith("Options")]
-            kinds = kinds or [ts.HeatOptions, ts.LayOptions, ts.PathOptions, ts.SvgOptions]
+            kinds = [
+                ts.seam.HeatOptions,
+                ts.texture.LayOptions,
+                ts.path.PathOptions,
+                ts.motif.SvgOptions,
+            ]
             options = inspect.signature(self.rng.choice(kinds)).parameters
             if name in ("generate_motif",):
-                options = inspect.signature(ts.random_recipe).parameters
+                options = inspect.signature(ts.motif.random_recipe).parameters
             key = self.rng.choice([*options, "nonsense"])
             if key not in keywords and key not in dict(parameters):
                 keywords[key] = (
@@ -218,7 +231,14 @@ class Fuzzer:
             and code == 0
             and isinstance(
                 result,
-                (ts.Seam, ts.Synthesis, ts.Stitched, ts.Motif, ts.Recipe, ts.Polyline),
+                (
+                    ts.seam.Seam,
+                    ts.texture.Synthesis,
+                    ts.layers.Stitched,
+                    ts.motif.Motif,
+                    ts.motif.Recipe,
+                    ts.vector.Polyline,
+                ),
             )
         ):
             self.results = [*self.results[-20:], result]

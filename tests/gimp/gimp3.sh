@@ -79,7 +79,7 @@ provide() {
     if [ "$(cat "$root/.ready-python" 2>/dev/null)" != "$wanted" ]; then
         say "installing toposeam's dependencies there"
         inside sh -c 'test -x /opt/toposeam/bin/pip || python3 -m venv --clear /opt/toposeam; 
-            cd /checkout && pip install --quiet --editable . pytest pytest-timeout
+            cd /checkout && pip install --quiet --editable '\''.[cli]'\'' pytest pytest-timeout
             pip install --quiet --only-binary :all: "PyMaxflow>=1.3" || echo "PyMaxflow has no wheel for this Python"' \
             >>"$cache/gimp-$suite.log" 2>&1 || fail "pip failed inside: $(tail -n 1 "$cache/gimp-$suite.log") (more in $cache/gimp-$suite.log)"
         echo "$wanted" >"$root/.ready-python"

@@ -148,7 +148,7 @@ def stairs(offsets):
     points = [(offsets[0], 0)]
     for row, x in enumerate(offsets):
         points += [(x, row), (x, row + 1)]
-    return ts.Polyline(np.array(points, float)[1:])
+    return ts.vector.Polyline(np.array(points, float)[1:])
 
 
 def corners(line):
@@ -165,7 +165,7 @@ def test_curves_are_kept_where_a_seam_runs_as_before(cut):
     changed[280:330] += 15
     line = stairs(changed)
     if cut:  # traced again, a line may end a pixel earlier
-        line = ts.Polyline(line.points[1:-1])
+        line = ts.vector.Polyline(line.points[1:-1])
     (after,) = lines_of([line], nowhere, [before])
     assert after["curves"][:3] == before["curves"][:3]
     assert after["curves"][-3:] == before["curves"][-3:]

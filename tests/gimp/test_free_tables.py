@@ -46,22 +46,28 @@ def test_the_tables_offer_what_core_has():
         (found,) = (entry for entry in PROCEDURES[f"plug-in-toposeam-{name}"].options if entry.name == option)
         return [nick for nick, _ in found.choices]
 
-    assert sorted(choices("stitch", "method")) == sorted(set(ts.METHODS) - {"thesis"})
+    assert sorted(choices("stitch", "method")) == sorted(set(ts.seam.METHODS) - {"thesis"})
     for name in ("stitch", "panorama"):
-        assert sorted(choices(name, "blend")) == sorted(ts.BLENDS)
+        assert sorted(choices(name, "blend")) == sorted(ts.layers.BLENDS)
     assert choices("panorama", "model") == ["auto", *MODELS]
     assert choices("panorama", "projection") == ["auto", *PROJECTIONS]
-    assert sorted(choices("motif", "repeat")) == sorted(ts.REPEATS)
-    assert sorted(choices("motif", "palette")) == sorted(["random", *ts.PALETTES])
+    assert sorted(choices("motif", "repeat")) == sorted(ts.motif.REPEATS)
+    assert sorted(choices("motif", "palette")) == sorted(["random", *ts.motif.PALETTES])
     assert sorted(choices("motif", "edge")) == sorted(["auto", *EDGES])
-    assert sorted(choices("repeat", "palette")) == sorted(["own", *ts.PALETTES])
-    assert set(choices("repeat", "repeat")) < {"own", *ts.REPEATS}
+    assert sorted(choices("repeat", "palette")) == sorted(["own", *ts.motif.PALETTES])
+    assert set(choices("repeat", "repeat")) < {"own", *ts.motif.REPEATS}
 
 
 def test_every_rule_and_palette_has_its_picture():
-    wanted = {f"rule-{rule}.png" for rule in ts.REPEATS} | {f"palette-{name}.png" for name in ts.PALETTES}
+    wanted = {f"rule-{rule}.png" for rule in ts.motif.REPEATS} | {
+        f"palette-{name}.png" for name in ts.motif.PALETTES
+    }
     assert {file.name for file in (PLUG_IN / "pictures").glob("*.png")} == wanted
-    assert (PLUG_IN / "pictures" / "dice-symbolic.svg").is_file()
+    drawings = {file.name for file in (PLUG_IN / "pictures").glob("*.svg")}
+    assert drawings == {
+        "dice-symbolic.svg",
+        *(f"icon-{menu}.svg" for menu in ("layers", "textures", "wallpapers")),
+    }
     for entry in PROCEDURES.values():
         for option in entry.options:
             if option.pictures:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from inside import refused, succeeded
-from pictures import photograph, write_png
+from pictures import crops, photograph, write_png
 from running import needs_gimp
 
 needs_gimp()
@@ -82,3 +82,20 @@ path.stroke_new_from_points(Gimp.PathStrokeType.BEZIER, controls, False)
     mask, (x, _y) = gimp.pixels(gimp.python(code=code, number=upper), "Y u8")
     assert (mask[1:, : 150 - x] == 0).all()
     assert (mask[1:, 150 - x :] == 255).all()
+
+
+@pytest.mark.parametrize(
+    ("options", "format_name"),
+    [({"precision": "U16_NON_LINEAR"}, "R'G'B'A u16"), ({"gray": True}, "Y'A u8")],
+    ids=["16 bit", "gray"],
+)
+def test_panoramas_in_other_precisions_and_gray(gimp, image, tmp_path, options, format_name):
+    whole = photograph(160, 300, seed=3)
+    files, _places = crops(tmp_path, whole, [(0, 0), (120, 0)], 180, 160)
+    loaded = image(files, **options)
+    before, _ = gimp.pixels(loaded["layers"][0], format_name)
+    panorama(gimp, loaded, blend="none", **{"match-shading": False})
+    seen = gimp.projection(loaded["image"], format_name)
+    assert seen.shape[:2] == (160, 300)
+    assert seen.dtype == before.dtype
+    np.testing.assert_array_equal(seen[:, :120], before[:, :120])

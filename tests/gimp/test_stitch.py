@@ -248,3 +248,33 @@ def test_a_stitched_file_is_saved_with_its_seams(gimp, image, still_life, tmp_pa
     exact = np.array([number for piece in line["pieces"] for number in piece]).reshape(-1, 2)
     assert (exact[1:-1] == np.round(exact[1:-1])).mean() > 0.8  # corners of pixels, but where curves meet
     assert len(exact) > len(line["stroke"]) / 6 > 2
+
+
+KEEP_AWAY = """
+procedure = Gimp.get_pdb().lookup_procedure("plug-in-toposeam-stitch")
+image = image_of(number)
+image.select_rectangle(Gimp.ChannelOps.REPLACE, 215, 0, 100, 200)
+channel = Gimp.Selection.save(image)
+Gimp.Selection.none(image)
+config = procedure.create_config()
+config.set_property("image", image)
+config.set_core_object_array("drawables", [item(layer) for layer in layers])
+config.set_property("avoid", channel)
+result = procedure.run(config)
+answer = [result.index(0).value_nick, Gimp.get_pdb().get_last_error()]
+"""
+
+
+def test_no_seam_runs_where_a_channel_is_white(gimp, image, tmp_path):
+    files, places = crops(tmp_path, photograph(200, 400), [(0, 0), (140, 0)], 260, 200)
+    loaded = image(files, offsets=places)
+    asked = {"number": loaded["image"], "layers": loaded["layers"]}
+    status, message = gimp.python(code=KEEP_AWAY, **asked)
+    assert status == "success", message
+    group = gimp.tree(image=loaded["image"])["layers"][0]
+    upper = next(child for child in group["children"] if "crop1" in child["name"])
+    mask = mask_of(gimp, upper["id"])
+    avoided = mask[:, 215 - 140 : 260 - 140]  # what both show of the channel
+    assert avoided.shape == (200, 45)
+    assert len(np.unique(avoided)) == 1
+    assert set(np.unique(mask)) == {0, 255}

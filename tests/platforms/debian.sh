@@ -108,11 +108,11 @@ for path in pathlib.Path("../wheels").glob("*.tar.gz"):
         project = archive.extractfile(path.name.removesuffix(".tar.gz") + "/pyproject.toml").read().decode()
     print(*tomllib.loads(project)["build-system"]["requires"], sep="\n")
 EOF
-as_user yes "python3 -m venv ../loader && ../loader/bin/pip download -q -d ../wheels . hatchling hatch-fancy-pypi-readme && ../loader/bin/python ../needed.py >../needed.txt && ../loader/bin/pip download -q -d ../wheels -r ../needed.txt" >"$log.three" 2>&1 ||
+as_user yes "python3 -m venv ../loader && ../loader/bin/pip download -q -d ../wheels .[cli] hatchling hatch-fancy-pypi-readme && ../loader/bin/python ../needed.py >../needed.txt && ../loader/bin/pip download -q -d ../wheels -r ../needed.txt" >"$log.three" 2>&1 ||
     { tail -n 20 "$log.three"; fail "downloading failed"; }
 TIMEFORMAT="%R %U %S"
 three() {
-    as_user no "python3 -m venv .venv && .venv/bin/pip install -q --no-compile --no-cache-dir --no-index --find-links ../wheels . && .venv/bin/toposeam stitch samples/grass_a.png samples/grass_b.png --overlap 40 -o first.png" >>"$log.three" 2>&1
+    as_user no "python3 -m venv .venv && .venv/bin/pip install -q --no-compile --no-cache-dir --no-index --find-links ../wheels .[cli] && .venv/bin/toposeam stitch samples/still_life_left.png samples/still_life_right.png -o first.png" >>"$log.three" 2>&1
 }
 took=$({ time three; } 2>&1) || { tail -n 20 "$log.three"; fail "three commands failed"; }
 [ -s "$root$place/first.png" ] || fail "three commands made no first.png"

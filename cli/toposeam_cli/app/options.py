@@ -364,7 +364,7 @@ PLACEMENT: tuple[Callable[[Any], Any], ...] = (
     option(
         "--side",
         heading="Place",
-        type=click.Choice(ts.SIDES),
+        type=click.Choice(ts.seam.SIDES),
         help="With --overlap: the side of A on which B continues; right by default.",
     ),
     option(
@@ -377,7 +377,7 @@ PLACEMENT: tuple[Callable[[Any], Any], ...] = (
         "--cost",
         "law",
         heading="Seam",
-        type=click.Choice(ts.LAWS),
+        type=click.Choice(ts.seam.LAWS),
         help="What a seam avoids: what eyes notice (natural, the default), differences away from edges "
         "(gradient), differences of colour (colour).",
     ),
@@ -397,13 +397,13 @@ PLACEMENT: tuple[Callable[[Any], Any], ...] = (
 )
 
 
-def surface_cost_option(default: ts.Law) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def surface_cost_option(default: ts.typing.Law) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Return the option of the match cost of surfaces in volumes and clips."""
     return option(
         "--cost",
         "law",
         heading="Seam",
-        type=click.Choice(ts.LAWS),
+        type=click.Choice(ts.seam.LAWS),
         default=default,
         show_default=True,
         help="What a surface avoids: what eyes notice (natural), differences of colour (colour), or "

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import click
 
+from toposeam.sentence import printable
+
 #: Where the words of the command line are kept.
 WORDS = "toposeam.words"
 #: Results may have the suffix of what they are made of, if it is one of these.
@@ -68,7 +70,7 @@ def _with_output(words: list[str]) -> str:
     if not given:
         files = [word for word in words if _is_file(word)]
         last = words[-1]
-        is_new = last in files and len(files) > 2 and not Path(last).exists()
+        is_new = last in files and len(files) > 2 and not os.path.lexists(last)
         if is_new and Path(last).suffix.lower() in _WRITTEN and "*" not in last:
             words = [*words[:-1], "-o", last]
         else:
@@ -80,14 +82,19 @@ def _with_output(words: list[str]) -> str:
 
 def _is_file(word: str) -> bool:
     """Test whether a word names a file, or looks as if."""
-    return not word.startswith("-") and (Path(word).suffix.lower() in _PICTURES or Path(word).is_file())
+    if word.startswith("-") or Path(word).suffix.lower() in _PICTURES:
+        return not word.startswith("-")
+    try:
+        return Path(word).is_file()
+    except (OSError, ValueError):  # too long, or no name at all
+        return False
 
 
 def _line(words: Sequence[str]) -> str:
     """Return the words as a shell takes them."""
     if os.name == "nt":
         return subprocess.list2cmdline(words)
-    return " ".join(word if _is_plain(word) else shlex.quote(word) for word in words)
+    return printable(" ".join(word if _is_plain(word) else shlex.quote(word) for word in words))
 
 
 def _is_plain(word: str) -> bool:

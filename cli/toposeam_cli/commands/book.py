@@ -22,6 +22,7 @@ from toposeam_cli.app.command import Command
 from toposeam_cli.app.options import FILE, FiniteRange, PaperLengthType, jobs_option, quiet_option
 from toposeam_cli.app.progress import progress_bar
 from toposeam_cli.files.interruption import Terminated
+from toposeam_cli.files.regular import real_path
 from toposeam_cli.files.writing import all_or_nothing, atomic_write, check_output
 from toposeam_cli.jobs.journal import Journal
 from toposeam_cli.jobs.runner import Job, run
@@ -184,7 +185,7 @@ def _check_folder(folder: Path, themes: Sequence[Path], journal: Path, force: bo
     if os.path.lexists(folder) and not folder.is_dir():
         raise ts.OptionError(f"'{folder}' is no folder, which a book is; choose another name")
     for theme in themes:
-        if any(theme.resolve().parent == (folder / name).resolve() for name in _FOLDERS):
+        if any(real_path(theme).parent == real_path(folder / name) for name in _FOLDERS):
             raise ts.OptionError(
                 f"the theme '{theme}' lies where the book's own pictures go; copy it elsewhere, or choose "
                 "another folder"

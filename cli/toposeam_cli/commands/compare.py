@@ -17,7 +17,7 @@ from toposeam_cli.stitching.inputs import PlacedPictures, arrange, read_avoid
 from toposeam_cli.stitching.positions import Where
 
 #: All but the one that takes one of the others.
-_COMPARED: tuple[ts.Method, ...] = tuple(method for method in ts.METHODS if method != "auto")
+_COMPARED: tuple[ts.typing.Method, ...] = tuple(method for method in ts.seam.METHODS if method != "auto")
 
 
 @click.command(cls=Command)
@@ -37,13 +37,13 @@ def compare(
     second: Path,
     offset: Any,
     overlap: Any,
-    side: ts.Side | None,
+    side: ts.typing.Side | None,
     avoid: Path | None,
-    law: ts.Law | None,
+    law: ts.typing.Law | None,
     core: float | None,
     speck: int | None,
     max_megapixels: float,
-    methods: tuple[ts.Method, ...],
+    methods: tuple[ts.typing.Method, ...],
     as_json: bool,
 ) -> None:
     """Find the seam between A and B with every method: cost, cost ÷ optimum, seconds.
@@ -58,7 +58,7 @@ def compare(
         [first, second], Where(offset=offset, overlap=overlap, side=side), max_megapixels=max_megapixels
     )
     away = None if avoid is None else read_avoid(avoid, pair.shape, max_megapixels)
-    cost = ts.MatchCost(law=law or "natural")
+    cost = ts.seam.MatchCost(law=law or "natural")
     canvases = _on_canvas(pair, pair.shape)
     rows: list[dict[str, Any]] = []
     optimum: float | None = None  # the same for every method, and slow to compute
@@ -82,9 +82,9 @@ def compare(
                 "seconds": seam.seconds,
                 "iterations": len(seam.history),
             }
-            verdict = ts.seam_verdict(seam, *canvases, data_range=pair.layers[0].white)
+            verdict = ts.seam.seam_verdict(seam, *canvases, data_range=pair.layers[0].white)
             row |= {**verdict.summary(), "verdict": str(verdict)}
-            if seam.termination == ts.Termination.ITERATIONS:
+            if seam.termination == ts.optimize.Termination.ITERATIONS:
                 row["note"] = "no single line"
         rows.append(row)
     if as_json:

@@ -111,7 +111,7 @@ def enblend(words: tuple[str, ...], **given: Any) -> None:
             masks = None if given["load_masks"] is None else _masks(given["load_masks"], files, output, shape)
             whole = shown_as(layers, masks, shape, **options)
         else:
-            whole = ts.compose(layers, max_megapixels=_MAX_MEGAPIXELS, **options)
+            whole = ts.layers.compose(layers, max_megapixels=_MAX_MEGAPIXELS, **options)
         composed = Framed(whole, frame.width, frame.height)
         with all_or_nothing():
             large = make(composed, job, out, "outside", files_of_pixels, progress)
@@ -139,7 +139,7 @@ def _frame(job: PlacedPictures, text: str | None) -> CanvasFrame:
                 f"{_MAX_MEGAPIXELS:g} megapixels; make the frame smaller"
             )
         return frame
-    canvas = ts.common_canvas(job.layers, max_megapixels=_MAX_MEGAPIXELS)
+    canvas = ts.layers.common_canvas(job.layers, max_megapixels=_MAX_MEGAPIXELS)
     return CanvasFrame(canvas.shape[1], canvas.shape[0], *canvas.origin)
 
 

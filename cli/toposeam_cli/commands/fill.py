@@ -52,7 +52,7 @@ from toposeam_cli.textures.options import (
 @option(
     "--by",
     heading="Hole",
-    type=click.Choice(ts.BYS),
+    type=click.Choice(ts.texture.BYS),
     default="auto",
     show_default=True,
     help="Continue a texture by patches, or stitch a photograph from shifted copies of itself.",
@@ -74,7 +74,7 @@ def fill(
     output: Path,
     patches: Patches,
     band: int | None,
-    by: ts.By,
+    by: ts.typing.By,
     level: bool,
     source: Path | None,
     avoid: Path | None,

@@ -137,7 +137,7 @@ def join(
         raise ts.OptionError(f"the pattern would have more than {MAX_PATTERN:,} px; ask for smaller motifs")
     check_print(output, ink_names(recipes[0]), ink, force)
     with share_bar(f"joining {len(files)} motifs", quiet) as bar:
-        joined = ts.join_motifs(
+        joined = ts.motif.join_motifs(
             recipes,
             weight=weight,
             stages=stages,
@@ -145,7 +145,7 @@ def join(
             shared=shared,
             progress=bar,
         )
-    laid = ts.arrange(joined.motifs, sheet if places is None else places - 1, seed=seed, reach=reach)
+    laid = ts.motif.arrange(joined.motifs, sheet if places is None else places - 1, seed=seed, reach=reach)
     settings = {
         "weight": weight,
         "stages": stages,
@@ -170,7 +170,7 @@ def join(
         )
 
 
-def _alike(recipes: list[ts.Recipe], files: tuple[Path, ...]) -> list[ts.Recipe]:
+def _alike(recipes: list[ts.motif.Recipe], files: tuple[Path, ...]) -> list[ts.motif.Recipe]:
     """Return recipes with everything but what flows where taken from the first."""
     first = recipes[0]
     found = []

@@ -182,7 +182,7 @@ def loop(clip: Path, output: Path, **given: Any) -> None:
         click.echo(f"{output}: {counted(count, 'frame')} ({seconds:.2f} s), {jumps}; {made.verdict}")
 
 
-def _summary(output: Path, made: ts.Loop, rate: Fraction) -> dict[str, Any]:
+def _summary(output: Path, made: ts.volume.Loop, rate: Fraction) -> dict[str, Any]:
     """Return what JSON says of a loop."""
     return {
         "output": str(output),
@@ -207,9 +207,9 @@ def _options(clip: Clip, given: dict[str, Any]) -> dict[str, Any]:
     return options | {
         "level": given["level"],
         "seed": given["seed"],
-        "cost": ts.MatchCost(law=given["law"]),
+        "cost": ts.seam.MatchCost(law=given["law"]),
     }
 
 
-def _write_mesh(mesh: ts.Mesh, path: Path, suffix: str) -> None:
+def _write_mesh(mesh: ts.volume.Mesh, path: Path, suffix: str) -> None:
     (mesh.to_ply if suffix == ".ply" else mesh.to_stl)(path)

@@ -140,7 +140,7 @@ def motif(
     toposeam motif -o vase.stl --depth 64 --repeat p4m --motif-width 80mm
     """  # noqa: D301 - click wants the character
     if palettes:
-        for name, colours in ts.PALETTES.items():
+        for name, colours in ts.motif.PALETTES.items():
             click.echo(f"{name:<11} {' '.join(colours)}")
         return
     if output is None and not show_recipe:
@@ -200,7 +200,7 @@ def _solid(
     recipe, _ = _recipe(given, beginning.amount, begun)
     recipe = dataclasses.replace(recipe, layers=recipe.layers[:1])
     with share_bar(f"inventing {output.name}", quiet) as bar:
-        solid = ts.generate_solid(recipe, depth, progress=bar)
+        solid = ts.solid.generate_solid(recipe, depth, progress=bar)
     element = 1.0 if width_mm is None else width_mm / recipe.size[1]
     mesh = solid.mesh(element)
     with replacing(output, force) as temporary:
@@ -248,7 +248,7 @@ def _explore(
         click.echo(f"{output}: {len(recipes)} motifs; open it, and click those to keep")
 
 
-def _begun(beginning: Beginning) -> tuple[ts.Recipe | None, dict[str, Any], dict[str, Any]]:
+def _begun(beginning: Beginning) -> tuple[ts.motif.Recipe | None, dict[str, Any], dict[str, Any]]:
     """Return the recipe to begin with, how that motif was printed, and the options of a file of
     parameters.
     """
@@ -273,8 +273,8 @@ def _begun(beginning: Beginning) -> tuple[ts.Recipe | None, dict[str, Any], dict
 def _recipe(
     given: dict[str, Any],
     amount: float | None,
-    begun: tuple[ts.Recipe | None, dict[str, Any], dict[str, Any]],
-) -> tuple[ts.Recipe, dict[str, Any]]:
+    begun: tuple[ts.motif.Recipe | None, dict[str, Any], dict[str, Any]],
+) -> tuple[ts.motif.Recipe, dict[str, Any]]:
     """Return the recipe of an option list and its base, varied; and how that was printed."""
     whole, printed, options = begun
     given = {**options, **given}
@@ -290,7 +290,7 @@ def _recipe(
         )
     given = {"repeat": "translate", **given}
     width, height = given.pop("size", (256, 256))
-    return ts.random_recipe((height, width), **given), printed
+    return ts.motif.random_recipe((height, width), **given), printed
 
 
 def _checked(table: Mapping[str, Any], config: Path) -> dict[str, Any]:
@@ -342,7 +342,7 @@ def _with_strengths(places: list[Any]) -> list[Any]:
     return [_with_strengths(place) if isinstance(place, list) else place for place in places]
 
 
-def _changed(recipe: ts.Recipe, given: dict[str, Any], amount: float | None) -> ts.Recipe:
+def _changed(recipe: ts.motif.Recipe, given: dict[str, Any], amount: float | None) -> ts.motif.Recipe:
     """Return a whole recipe with what was given changed, then varied."""
     seed = given.pop("seed", None)
     palette = given.pop("palette", None)
@@ -353,7 +353,7 @@ def _changed(recipe: ts.Recipe, given: dict[str, Any], amount: float | None) -> 
             "--show-recipe and edit that"
         )
     if seed is not None or amount is not None:
-        recipe = ts.vary(
+        recipe = ts.motif.vary(
             recipe,
             amount=1.0 if amount is None else amount,
             seed=recipe.seed + 1 if seed is None else seed,
@@ -369,7 +369,7 @@ def _changed(recipe: ts.Recipe, given: dict[str, Any], amount: float | None) -> 
         for layer, number in zip(layers, values, strict=True):
             layer[name] = number
     if palette is not None:
-        colours = palette if isinstance(palette, Palette) else ts.palette(palette, len(layers))
+        colours = palette if isinstance(palette, Palette) else ts.motif.palette(palette, len(layers))
         if len(colours.inks) < len(layers):
             raise ts.OptionError(
                 f"the palette has {len(colours.inks)} inks for {len(layers)} layers; name more colours"
@@ -383,4 +383,6 @@ def _changed(recipe: ts.Recipe, given: dict[str, Any], amount: float | None) -> 
         from toposeam.motif.recipe.recipe import pack_base
 
         given = {"base_strength": recipe.base_strength or 0.7, **given, "base": pack_base(given["base"])}
-    return dataclasses.replace(recipe, layers=tuple(ts.LayerRecipe(**layer) for layer in layers), **given)
+    return dataclasses.replace(
+        recipe, layers=tuple(ts.motif.LayerRecipe(**layer) for layer in layers), **given
+    )

@@ -101,7 +101,7 @@ def _brightness(picture: Picture) -> np.ndarray:
     return gray if picture.alpha is None else np.where(picture.covered(), gray, 0.0)
 
 
-def _drawn(brightness: np.ndarray, found: ts.PlannedPath) -> np.ndarray:
+def _drawn(brightness: np.ndarray, found: ts.path.PlannedPath) -> np.ndarray:
     """Return the map with the ways in red on a white halo."""
     from PIL import Image, ImageDraw
 

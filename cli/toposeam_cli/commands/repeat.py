@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -90,7 +91,7 @@ def repeat(
             )
         extent, rule = _inked(picture, counts[::-1], output, rule, ink, force, quiet)
     else:
-        sheet, rule = _copied(picture, counts[::-1], output, rule, cell, at)
+        sheet, rule = _copied(picture, counts[::-1], output, rule, cell, at, quiet)
         write_picture(output, sheet, force)
         height, width = sheet.pixels.shape[:2]
         extent = f"{width} × {height} px, {counts[0]} × {counts[1]} motifs by {rule}"
@@ -130,6 +131,7 @@ def _copied(
     rule: str | None,
     cell: tuple[int, int] | None,
     at: tuple[int, int] | None,
+    quiet: bool,
 ) -> tuple[Picture, str]:
     """Return a sheet of copies of a picture, and the rule it is laid by."""
     settings = None
@@ -147,7 +149,8 @@ def _copied(
                 f"a kaleidoscope shows a wallpaper group; give one with --repeat: {', '.join(GROUPS)}"
             )
         shown, rule = f"a kaleidoscope by {rule}", rule
-        motif = _kaleidoscope(motif, rule, cell, at)
+        with share_bar(f"drawing {output.name}", quiet) as bar:
+            motif = _kaleidoscope(motif, rule, cell, at, bar)
     elif rule is None:
         recipe = read_recipe(path)
         if settings is not None and Print(**Print.read(settings)).laid(recipe) != (
@@ -179,12 +182,19 @@ def _copied(
     return sheet, shown
 
 
-def _kaleidoscope(motif: Picture, rule: str, cell: tuple[int, int], at: tuple[int, int] | None) -> Picture:
+def _kaleidoscope(
+    motif: Picture,
+    rule: str,
+    cell: tuple[int, int],
+    at: tuple[int, int] | None,
+    progress: Callable[[float], None] | None,
+) -> Picture:
     """Return the picture's cell of a wallpaper group, opacity and all."""
     planes = [np.atleast_3d(to_depth(motif.pixels, np.dtype(np.float32)))]
     if motif.alpha is not None:
         planes.append(to_depth(motif.alpha, np.dtype(np.float32))[..., np.newaxis])
-    shown = ts.kaleidoscope(np.concatenate(planes, axis=2), rule, cell[::-1], at=at)
+    every = np.concatenate(planes, axis=2)
+    shown = ts.motif.kaleidoscope(every, rule, cell[::-1], at=at, progress=progress)
     colours = planes[0].shape[2]
     pixels = to_depth(shown[..., :colours], motif.pixels.dtype)
     return dataclasses.replace(

@@ -49,7 +49,7 @@ from toposeam_cli.stitching.outputs import (
 from toposeam_cli.stitching.place_options import FindingOptions, finding_options, with_defaults
 from toposeam_cli.stitching.placement_report import found_of, misfits
 from toposeam_cli.stitching.positions import ORDERS, Where, width_round
-from toposeam_cli.stitching.report import describe, hidden, is_read, summary_of_all, told_of
+from toposeam_cli.stitching.report import crop_at, describe, hidden, is_read, summary_of_all, told_of
 from toposeam_cli.stitching.search_options import (
     Means,
     SeamOptions,
@@ -163,7 +163,7 @@ from toposeam_cli.stitching.windowed_output import describe_totals, make, summar
 @option(
     "--method",
     heading="Seam",
-    type=click.Choice(ts.METHODS),
+    type=click.Choice(ts.seam.METHODS),
     default="auto",
     show_default=True,
     help="How seams are found; auto takes the exact solver that is fastest.",
@@ -202,7 +202,7 @@ from toposeam_cli.stitching.windowed_output import describe_totals, make, summar
 @option(
     "--blend",
     heading="Tones and blend",
-    type=click.Choice(ts.BLENDS),
+    type=click.Choice(ts.layers.BLENDS),
     help="What happens across the seams; multiband for photographs, else none.",
 )
 @option(
@@ -388,7 +388,7 @@ def _stitch(
     aligned = None
     if find.align:
         radius = {} if find.align_radius is None else {"radius": find.align_radius}
-        aligned = ts.align(job.layers, executor=means.workers, **radius)
+        aligned = ts.layers.align(job.layers, executor=means.workers, **radius)
         job = dataclasses.replace(job, layers=aligned.layers)
     wrap = job.wrap if find.wrap is None else find.wrap
     find = dataclasses.replace(find, wrap=width_round(wrap, job.files or files))
@@ -408,6 +408,7 @@ def _stitch(
     stitched = ts_stitched(composed, mapped)
     written = cropped(stitched, out) if crop == "inside" else Cropped(stitched=stitched)
     finished, at = written.stitched, written.at
+    crop_box = crop_at(at, finished.image.shape)
     warnings += [] if out.quiet else misfits(job, at)
     overlay = None if out.overlay is None else draw_seams(stitched.image, stitched.seams)
     if overlay is not None and at is not None:
@@ -439,12 +440,12 @@ def _stitch(
         documents.append((out.report, seam_page(page).encode(errors="backslashreplace")))
     report: str | dict[str, Any] = ""
     if out.as_json:
-        found = summary_of_all(stitched, job.layers, aligned, job.placement)
+        found = summary_of_all(stitched, job.layers, aligned, job.placement, crop_box)
         bent = {"bent_px": composed.bent} if find.give else {}
         report = found | bent | found_of(job)
     elif is_read(out.quiet):
         two = len(job.layers) == 2
-        told = describe(stitched.seams[0], at) if two else describe_totals(composed, at=at)
+        told = describe(stitched.seams[0], crop_box) if two else describe_totals(composed, crop=crop_box)
         report = told_of(out, finished.image.shape, told, at, job.shape, job.layers, job.placement, aligned)
         if find.give:
             report += f", bent by up to {composed.bent:.1f} px" if composed.bent else ", bent nowhere"
@@ -464,7 +465,7 @@ def _reported(report: str | dict[str, Any], warnings: Sequence[str], out: Output
     return found
 
 
-def _unseen(composed: ts.Composition, find: SeamOptions, out: Outputs) -> list[str]:
+def _unseen(composed: ts.layers.Composition, find: SeamOptions, out: Outputs) -> list[str]:
     """Compose the warnings about pictures that show nowhere."""
     middle = "--core 0.5 shows the middle of all pictures inside others, " if find.core is None else ""
     return [] if out.quiet else hidden(composed, f"{middle}--keep N=MASK what you want of one")
@@ -478,7 +479,7 @@ def _stitch_large(
     crop: str,
     means: Means,
     warnings: Sequence[str],
-    aligned: ts.Aligned | None,
+    aligned: ts.layers.Aligned | None,
 ) -> dict[str, Any]:
     """Return the same for pictures larger than memory."""
     composed = composed_as(job, find, out, files, means.workers)
@@ -509,7 +510,7 @@ def _stitch_large(
         if out.as_json:
             report = summary_of_large(composed, large) | found_of(job)
         elif is_read(out.quiet):
-            told = describe_totals(composed, means.workers, large.at)
+            told = describe_totals(composed, means.workers, large.crop)
             report = told_of(
                 out,
                 large.picture.pixels.shape,

@@ -118,7 +118,7 @@ _GUIDE = (
 @option(
     "--tileable",
     heading="Texture",
-    type=click.Choice(ts.TILEABLE),
+    type=click.Choice(ts.texture.TILEABLE),
     default="none",
     show_default=True,
     help="The axes along which the texture repeats.",
@@ -126,7 +126,7 @@ _GUIDE = (
 @option(
     "--turns",
     heading="Texture",
-    type=click.Choice(ts.TURNS),
+    type=click.Choice(ts.texture.TURNS),
     default="none",
     show_default=True,
     help="Also take patches mirrored left to right, turned by quarters, or both; not with --normal.",
@@ -196,8 +196,8 @@ def synth(
     size: tuple[int, int] | AutoSize | None,
     output: Path,
     patches: Patches,
-    tileable: ts.Tileable,
-    turns: ts.Turns,
+    tileable: ts.texture.Tileable,
+    turns: ts.typing.Turns,
     variation: float | None,
     source: tuple[Path, ...],
     shares: tuple[float, ...] | None,
@@ -314,13 +314,13 @@ def _closing_size(
     size: AutoSize,
     pictures: list[Picture],
     copied: list[np.ndarray],
-    tileable: ts.Tileable,
+    tileable: ts.texture.Tileable,
     transparent: bool,
 ) -> tuple[int, int]:
     """Width and height on which the first source's order closes; twice the source without a wish."""
     height, width = pictures[0].pixels.shape[:2]
     wish = (2 * height, 2 * width) if size.wish is None else size.wish[::-1]
-    found = ts.closing_size(
+    found = ts.texture.closing_size(
         pictures[0].pixels,
         wish,
         tileable=tileable,
@@ -340,8 +340,8 @@ def _cut_alike(
     sources: tuple[Path, ...],
     output: Path,
     coordinates: Path | None,
-    tileable: ts.Tileable,
-    turns: ts.Turns,
+    tileable: ts.texture.Tileable,
+    turns: ts.typing.Turns,
     smooth: int,
     results: Results,
 ) -> None:
@@ -356,12 +356,12 @@ def _cut_alike(
     column, row, exemplar = np.moveaxis(given.astype(np.int32), 2, 0)
     place = np.stack([row, column], axis=2)
     options: dict[str, Any] = {"tileable": tileable, "turns": turns, "smooth": smooth}
-    made = ts.apply_coordinates([picture.pixels for picture in pictures], place, exemplar, **options)
+    made = ts.texture.apply_coordinates([picture.pixels for picture in pictures], place, exemplar, **options)
     opacity = None
     if alphas(pictures) is not None:
         full = [
             np.full(one.pixels.shape[:2], full_scale(one.pixels.dtype)) if one.alpha is None else one.alpha
             for one in pictures
         ]
-        opacity = ts.apply_coordinates(full, place, exemplar, **options)
+        opacity = ts.texture.apply_coordinates(full, place, exemplar, **options)
     write_picture(goes.output, dataclasses.replace(pictures[0], pixels=made, alpha=opacity), results.force)

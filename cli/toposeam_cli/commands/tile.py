@@ -47,7 +47,7 @@ from toposeam_cli.textures.options import (
 @option(
     "--tileable",
     heading="Texture",
-    type=click.Choice([name for name in ts.TILEABLE if name != "none"]),
+    type=click.Choice([name for name in ts.texture.TILEABLE if name != "none"]),
     default="both",
     show_default=True,
     help="The axes to repeat on.",
@@ -76,7 +76,7 @@ def tile(
     image: Path,
     output: Path,
     band: int | None,
-    tileable: ts.Tileable,
+    tileable: ts.texture.Tileable,
     size: str,
     flatten: bool,
     level: bool,
@@ -125,9 +125,9 @@ def tile(
             )
 
 
-def _closing_size(picture: Picture, tileable: ts.Tileable) -> tuple[int, int]:
+def _closing_size(picture: Picture, tileable: ts.texture.Tileable) -> tuple[int, int]:
     """Height and width within a picture on which its order closes."""
-    return ts.closing_size(
+    return ts.texture.closing_size(
         picture.pixels,
         picture.pixels.shape[:2],
         tileable=tileable,

@@ -116,7 +116,7 @@ def volume(a: Path, b: Path, output: Path, **given: Any) -> None:
                 second.voxels if block else np.asarray(second.voxels),
                 offset=given["offset"],
                 spacing=sides,
-                cost=ts.MatchCost(law=given["law"]),
+                cost=ts.seam.MatchCost(law=given["law"]),
                 data_range=_white(first, second, given["white"]),
                 block=block,
                 keep=folder / "labels.zarr" if block else None,

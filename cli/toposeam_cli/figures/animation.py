@@ -19,7 +19,7 @@ _SIZE = 720
 _WHOLE_MS, _FRAME_MS, _HELD_MS = 4000, (60, 400), 2000
 
 
-def animate(seam: ts.Seam, suffix: str) -> bytes:
+def animate(seam: ts.seam.Seam, suffix: str) -> bytes:
     """Return the densities of a seam that was found with ``record_frames=True``, one frame an iteration,
     endlessly.
 
@@ -54,7 +54,7 @@ def animate(seam: ts.Seam, suffix: str) -> bytes:
     return buffer.getvalue()
 
 
-def _with_sides(picture: npt.NDArray[np.uint8], seam: ts.Seam) -> npt.NDArray[np.uint8]:
+def _with_sides(picture: npt.NDArray[np.uint8], seam: ts.seam.Seam) -> npt.NDArray[np.uint8]:
     """Return the last frame with the two sides tinted, so that one sees which is which."""
     top, left = seam.problem.overlap.start
     height, width = seam.problem.overlap.side.shape

@@ -21,7 +21,7 @@ Floats32 = npt.NDArray[np.float32]
 
 
 def film_frame(
-    frame: ts.Frame, shared: npt.NDArray[np.bool_] | None = None, size: tuple[int, int] | None = None
+    frame: ts.optimize.Frame, shared: npt.NDArray[np.bool_] | None = None, size: tuple[int, int] | None = None
 ) -> npt.NDArray[np.uint8]:
     """Return one frame as a picture: each pixel interface a short line, the redder the denser.
 
@@ -63,7 +63,7 @@ def film_frame(
     return np.asarray(np.rint(paper + share * (np.array(INK, np.float32) - paper)), np.uint8)
 
 
-def choose_frames(frames: tuple[ts.Frame, ...], count: int) -> list[ts.Frame]:
+def choose_frames(frames: tuple[ts.optimize.Frame, ...], count: int) -> list[ts.optimize.Frame]:
     """Return the frames that tell most: the last of every stage, and others as different from their
     neighbours as can be.
     """

@@ -56,7 +56,7 @@ def check_matplotlib() -> None:
 
 
 def history_figure(
-    seam: ts.Seam, suffix: str = ".png", *, frames: int = _FRAMES, curves: bool = True
+    seam: ts.seam.Seam, suffix: str = ".png", *, frames: int = _FRAMES, curves: bool = True
 ) -> bytes:
     """Draw the history of a seam that was found with ``record_frames=True``.
 
@@ -132,7 +132,7 @@ class _Strip:
     head, foot = 44, 34
 
     @classmethod
-    def fitting(cls, frames: list[ts.Frame]) -> _Strip:
+    def fitting(cls, frames: list[ts.optimize.Frame]) -> _Strip:
         """Return the number of columns at which frames come out largest, and rather without a gap in the last
         row.
         """
@@ -159,7 +159,7 @@ class _Strip:
 
 
 def _film_strip(
-    figure: Figure, seam: ts.Seam, frames: list[ts.Frame], strip: _Strip, top: int, height: int
+    figure: Figure, seam: ts.seam.Seam, frames: list[ts.optimize.Frame], strip: _Strip, top: int, height: int
 ) -> None:
     cell_height, cell_width = strip.cell
     used = strip.columns * cell_width + (strip.columns - 1) * _GAP
@@ -216,7 +216,7 @@ def _line(x: tuple[float, float], y: tuple[float, float]) -> Any:
     return Line2D(x, y, color="0.7", linewidth=0.8, solid_capstyle="butt")
 
 
-def _curves(axis: Any, seam: ts.Seam) -> None:
+def _curves(axis: Any, seam: ts.seam.Seam) -> None:
     if not seam.history:
         axis.axis("off")
         axis.text(

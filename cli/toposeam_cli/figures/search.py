@@ -23,7 +23,7 @@ def check_search(suffix: str) -> None:
         check_matplotlib()
 
 
-def draw_search(seam: ts.Seam, suffix: str) -> bytes:
+def draw_search(seam: ts.seam.Seam, suffix: str) -> bytes:
     """Return the file's content, for a seam that was found with ``record_frames=True``."""
     suffix = suffix.lower()
     if suffix in ANIMATED:

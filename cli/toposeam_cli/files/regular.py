@@ -10,6 +10,11 @@ from pathlib import Path
 from toposeam.errors import OptionError
 
 
+def real_path(path: Path) -> Path:
+    """Return where a path leads; a link that leads to itself stays, where :meth:`Path.resolve` fails."""
+    return Path(os.path.realpath(path))
+
+
 def check_regular(path: Path, what: str = "it", *, folders: bool = True) -> None:
     """Refuse pipes, devices and sockets; the reader reports other errors.
 

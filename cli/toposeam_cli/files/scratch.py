@@ -10,6 +10,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from threading import Thread
 
+from toposeam_cli.files.regular import real_path
 from toposeam_cli.files.temporary import claimed, claimed_folder, remove, temporary_beside, tidy_once
 from toposeam_cli.files.writing import OutputError, reason
 
@@ -100,4 +101,4 @@ def scratch(folder: Path) -> Iterator[Scratch]:
     """Open a folder for temporary files, which are gone after the block."""
     _let_many_be_open()
     with ExitStack() as open_files:
-        yield Scratch(folder.resolve(), open_files)
+        yield Scratch(real_path(folder), open_files)

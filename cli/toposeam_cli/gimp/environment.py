@@ -83,6 +83,8 @@ def make_environment(folder: Path) -> Path:
     OutputError
         When it cannot be made; the text has the last words of what failed.
     """
+    if folder.exists() and not folder.is_dir():
+        raise OptionError(f"{folder} is a file; name a folder, as --venv FOLDER")
     if folder.exists() and not (folder / "pyvenv.cfg").is_file() and any(folder.iterdir()):
         raise OptionError(f"{folder} holds something else; name an empty folder, as --venv FOLDER")
     python = folder / ("Scripts/python.exe" if sys.platform == "win32" else "bin/python")
@@ -118,8 +120,8 @@ def requirement() -> str:
     except PackageNotFoundError:
         told = None
     if told:
-        return str(json.loads(told)["url"])
+        return f"toposeam[cli] @ {json.loads(told)['url']}"
     raise OptionError(
         "this TopoSeam does not say where it was installed from; make an environment from a checkout "
-        "(python -m venv FOLDER, and FOLDER/bin/pip install CHECKOUT), and name its Python with --python"
+        "(python -m venv FOLDER, and FOLDER/bin/pip install CHECKOUT[cli]), and name its Python with --python"
     )

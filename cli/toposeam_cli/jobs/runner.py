@@ -28,6 +28,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from toposeam.errors import OptionError
+from toposeam_cli.files.regular import real_path
 from toposeam_cli.files.temporary import remove_stale
 from toposeam_cli.jobs.dask_workers import dask_workers
 from toposeam_cli.jobs.journal import Journal, Row
@@ -174,7 +175,7 @@ def check(jobs: Sequence[Job]) -> None:
         if job.name in names:
             raise OptionError(f"two jobs are called {job.name!r}; give each a name of its own")
         names.add(job.name)
-        for path in {path.resolve() for path in job.outputs}:
+        for path in {real_path(path) for path in job.outputs}:
             if path in makers:
                 raise OptionError(
                     f"the jobs {makers[path]!r} and {job.name!r} both write '{path}'; give each an output of "
@@ -183,7 +184,7 @@ def check(jobs: Sequence[Job]) -> None:
             makers[path] = job.name
     for job in jobs:
         for path in job.inputs:
-            maker = makers.get(path.resolve())
+            maker = makers.get(real_path(path))
             if maker is not None:
                 how = "itself writes" if maker == job.name else f"{maker!r} writes"
                 raise OptionError(
@@ -306,7 +307,7 @@ def _ended(outcome: Outcome, started: Row, answer: Answer | None) -> Row:
 
 def _tidy(*jobs: Job) -> None:
     """Remove what workers that are gone left unfinished in the folders of jobs."""
-    for folder in {path.resolve().parent for job in jobs for path in job.outputs}:
+    for folder in {real_path(path).parent for job in jobs for path in job.outputs}:
         remove_stale(folder)
 
 

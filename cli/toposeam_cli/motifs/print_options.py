@@ -30,7 +30,7 @@ class RepeatType(click.Choice[str]):
     name = "RULE"
 
     def __init__(self) -> None:
-        super().__init__(ts.REPEATS)
+        super().__init__(ts.motif.REPEATS)
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
         """Parse the text."""
@@ -162,8 +162,12 @@ def write_print(
     """
     settings = {**paper.note(), **(note or {}), **made.record}
     if output.suffix.lower() == ".svg":
-        options = ts.SvgOptions(levels=paper.levels, width_mm=paper.width_mm, transparent=paper.transparent)
-        document = ts.draw_svg(made, paper.counts, options=options, note={**paper.note(), **(note or {})})
+        options = ts.motif.SvgOptions(
+            levels=paper.levels, width_mm=paper.width_mm, transparent=paper.transparent
+        )
+        document = ts.motif.draw_svg(
+            made, paper.counts, options=options, note={**paper.note(), **(note or {})}
+        )
         atomic_write(output, document, force)
         return f"{len(document) / 1e6:.1f} MB"
     layers = coverage()
@@ -178,7 +182,7 @@ def write_print(
     return f"{image.shape[1]} × {image.shape[0]} px"
 
 
-def renamed(recipe: ts.Recipe, names: str | None, edges: str | None) -> ts.Recipe:
+def renamed(recipe: ts.motif.Recipe, names: str | None, edges: str | None) -> ts.motif.Recipe:
     """Return a recipe whose inks have other names and edges: one for all, or one for each with commas
     between.
     """

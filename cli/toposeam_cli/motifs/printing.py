@@ -52,7 +52,7 @@ class Print:
         """Pixels per inch, None if nothing asks for any."""
         return _DPI if self.dpi is None and self.width_mm is not None and self.pixels is None else self.dpi
 
-    def laid(self, recipe: ts.Recipe) -> tuple[tuple[int, int], tuple[int, int]]:
+    def laid(self, recipe: ts.motif.Recipe) -> tuple[tuple[int, int], tuple[int, int]]:
         """Return rows and columns of motifs that are laid, and rows and columns of px of one, which keeps its
         shape.
 
@@ -70,7 +70,7 @@ class Print:
         rows = self.counts[0] if self.pixels is None else math.ceil(self.pixels[1] / size[0])
         return (rows, self.counts[1]), size
 
-    def check(self, recipe: ts.Recipe, drawn: bool) -> None:
+    def check(self, recipe: ts.motif.Recipe, drawn: bool) -> None:
         """Refuse sheets that are too large, before any work."""
         if drawn:
             check_counts(self.counts)
@@ -110,19 +110,19 @@ class Print:
         return kept
 
 
-def sheet_coverage(made: ts.Motif, paper: Print) -> np.ndarray:
+def sheet_coverage(made: ts.motif.Motif, paper: Print) -> np.ndarray:
     """Return the share of each ink on a sheet of a motif, (n_L, H, W)."""
     counts, cell = paper.laid(made.recipe)
-    layers = ts.repeat_densities(made, counts, size=cell)
+    layers = ts.motif.repeat_densities(made, counts, size=cell)
     return layers if paper.pixels is None else layers[:, : paper.pixels[1], : paper.pixels[0]]
 
 
-def ink_names(recipe: ts.Recipe) -> tuple[str, ...]:
+def ink_names(recipe: ts.motif.Recipe) -> tuple[str, ...]:
     """Return the names of a motif's inks."""
     return tuple(layer.name or f"ink {number}" for number, layer in enumerate(recipe.layers, 1))
 
 
-def unseen_inks(recipe: ts.Recipe) -> str | None:
+def unseen_inks(recipe: ts.motif.Recipe) -> str | None:
     """Return one sentence where inks cannot be told from the paper, on which they multiply; None where all
     can.
     """
@@ -137,7 +137,7 @@ def unseen_inks(recipe: ts.Recipe) -> str | None:
     )
 
 
-def describe(made: ts.Motif, counts: tuple[int, int]) -> str:
+def describe(made: ts.motif.Motif, counts: tuple[int, int]) -> str:
     """Return one line about a motif for people."""
     many = "" if counts == (1, 1) else f"{counts[1]} × {counts[0]} motifs, "
     return f"{many}{counted(len(made.inks), 'ink')}, repeats by {made.repeat}, seed {made.recipe.seed}"

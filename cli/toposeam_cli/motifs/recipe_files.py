@@ -62,11 +62,11 @@ def read_settings(path: Path, otherwise: str = "") -> dict[str, Any]:
     return settings
 
 
-def read_recipe(path: Path) -> ts.Recipe:
+def read_recipe(path: Path) -> ts.motif.Recipe:
     """Return the recipe in a picture or a drawing; raises as :func:`read_settings`."""
     settings = read_settings(path)
     try:
-        return ts.Recipe.from_dict(settings["recipe"])
+        return ts.motif.Recipe.from_dict(settings["recipe"])
     except (OptionError, ValueError, TypeError) as error:
         raise OptionError(f"the recipe in '{path}' is damaged: {error}") from error
 
@@ -110,7 +110,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     return table
 
 
-def to_toml(recipe: ts.Recipe) -> str:
+def to_toml(recipe: ts.motif.Recipe) -> str:
     """Return a recipe as TOML, for people to edit."""
     record = recipe.to_dict()
     layers = record.pop("layers")
@@ -128,21 +128,21 @@ def _value(value: Any) -> str:
     return repr(value)
 
 
-def recipe_from_table(table: Mapping[str, Any], path: Path) -> ts.Recipe | None:
+def recipe_from_table(table: Mapping[str, Any], path: Path) -> ts.motif.Recipe | None:
     """Return the whole recipe in a table of parameters, None if it holds options only."""
     if "layers" not in table or not isinstance(table["layers"], list):
         return None
-    known = {field.name for field in dataclasses.fields(ts.Recipe)}
+    known = {field.name for field in dataclasses.fields(ts.motif.Recipe)}
     unknown = set(table) - known
     if unknown:
         raise OptionError(
             f"'{path}' has {min(unknown)!r} beside [[layers]]; with layers written out, use "
             f"{', '.join(sorted(known))}"
         )
-    return ts.Recipe.from_dict(table)
+    return ts.motif.Recipe.from_dict(table)
 
 
-def recipe_on_page(path: Path, number: int | None) -> ts.Recipe:
+def recipe_on_page(path: Path, number: int | None) -> ts.motif.Recipe:
     """Return the recipe of a motif on a page to choose from, by its number; a page of one motif needs none.
 
     Raises

@@ -16,7 +16,7 @@ from toposeam.layers.composite.composition import Outline
 class Framed:
     """The part of a composition's plane that a frame shows, from 0,0 on; beyond the layers it is empty."""
 
-    def __init__(self, composed: ts.Composition, width: int, height: int) -> None:
+    def __init__(self, composed: ts.layers.Composition, width: int, height: int) -> None:
         self._composed, self.shape = composed, (height, width)
         self.layers, self.names, self.rounds = composed.layers, composed.names, composed.rounds
         self.divides = False

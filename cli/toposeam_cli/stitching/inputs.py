@@ -46,7 +46,7 @@ class PlacedPictures:
     #: The files, where each picture is one.
     files: tuple[Path, ...] = ()
     #: Placement found, where none was given.
-    placement: ts.Placement | None = None
+    placement: ts.layers.Placement | None = None
     #: Whether the pixels wait in files.
     stored: bool = False
     #: Pictures that were left out, each with the reason.
@@ -63,7 +63,7 @@ class PlacedPictures:
     @property
     def shape(self) -> tuple[int, int]:
         """Height and width of the canvas."""
-        return ts.common_canvas(self.layers).shape
+        return ts.layers.common_canvas(self.layers).shape
 
     def warped(self, index: int) -> bool:
         """Test whether a picture was more than moved."""

@@ -18,6 +18,7 @@ from toposeam.layers.canvas.largest_rectangle import largest_full
 from toposeam.layers.canvas.layer import Box, extent_of
 from toposeam.layers.canvas.tile_map import all_of, any_of, blocks, cover_of, new_map
 from toposeam_cli.figures.search import SUFFIXES as SEARCH_SUFFIXES
+from toposeam_cli.files.regular import real_path
 from toposeam_cli.files.writing import PICTURE_SUFFIXES, all_or_nothing, atomic_write, check_output
 from toposeam_cli.media.pictures.background import colour_of, on_background
 from toposeam_cli.media.pictures.deep_zoom import check_deep_zoom, write_deep_zoom
@@ -66,7 +67,7 @@ def numbered(out: Outputs, number: int) -> Outputs:
 def write(
     out: Outputs,
     job: PlacedPictures,
-    finished: ts.Stitched,
+    finished: ts.layers.Stitched,
     documents: Sequence[tuple[Path, bytes]],
     overlay: npt.NDArray[np.uint8] | None,
 ) -> None:
@@ -96,7 +97,7 @@ def write_composite(out: Outputs, picture: Picture, keep: Keep | None = None) ->
     write_picture(out.output, picture, out.force, keep=keep, **options)
 
 
-def _labels(stitched: ts.Stitched) -> Any:
+def _labels(stitched: ts.layers.Stitched) -> Any:
     """(H, W) uint8: grays from black for the first layer to white for the last; black where there is none."""
     grays = np.rint(np.linspace(0, 255, len(stitched.names))).astype(np.uint8)
     return np.append(grays, np.uint8(0))[stitched.label_map]
@@ -120,7 +121,7 @@ def check_outputs(out: Outputs) -> None:
         if path is not None:
             check_output(path, out.force)
     paths = out.output, out.seam, out.labels, out.overlay, out.history, out.save_layout, out.report
-    given = [path.resolve() for path in paths if path is not None]
+    given = [real_path(path) for path in paths if path is not None]
     if len(set(given)) < len(given):
         raise ts.OptionError("two outputs have the same name; give each a name of its own")
     if suffix == ".ora" and (out.crop is not None or out.background is not None):
@@ -187,14 +188,14 @@ def _opaque(layers: Sequence[ts.Layer]) -> npt.NDArray[np.bool_]:
 class Cropped:
     """A composite as it is written."""
 
-    stitched: ts.Stitched
+    stitched: ts.layers.Stitched
     #: Where it begins on the canvas, x and y; None where it is all of it.
     at: tuple[int, int] | None = None
     #: Share of its pixels that no picture showed.
     filled: float = 0.0
 
 
-def cropped(stitched: ts.Stitched, out: Outputs) -> Cropped:
+def cropped(stitched: ts.layers.Stitched, out: Outputs) -> Cropped:
     """Return the largest rectangle without holes, or with those near a picture filled."""
     if stitched.alpha is None:
         return Cropped(stitched=stitched)

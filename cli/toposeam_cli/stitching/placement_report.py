@@ -17,7 +17,7 @@ from toposeam_cli.stitching.inputs import PlacedPictures
 _WORTH_PX, _NAMED = 2.0, 4
 
 
-def describe_placement(layers: tuple[ts.Layer, ...], placement: ts.Placement | None) -> list[str]:
+def describe_placement(layers: tuple[ts.Layer, ...], placement: ts.layers.Placement | None) -> list[str]:
     """Return lines about places that were found."""
     if placement is None:
         return []
@@ -44,7 +44,7 @@ def best_correlation(correlations: dict[tuple[int, int], float], index: int) -> 
     return max(found) if found else None
 
 
-def _moved(layers: tuple[ts.Layer, ...], placement: ts.Placement, index: int) -> str:
+def _moved(layers: tuple[ts.Layer, ...], placement: ts.layers.Placement, index: int) -> str:
     x, y = placement.places[index]
     correlation = best_correlation(placement.correlations, index)
     how = "by given points" if correlation is None else f"correlation {correlation:.2f}"

@@ -22,7 +22,7 @@ class Where:
     at: Sequence[tuple[int, int]] = ()
     offset: tuple[int, int] | None = None
     overlap: Length | None = None
-    side: ts.Side | None = None
+    side: ts.typing.Side | None = None
     grid: tuple[int, int] | None = None  #: Columns and rows.
     row: bool = False
     column: bool = False
@@ -173,7 +173,7 @@ def _in_grid(
     return [found[cells[number]] for number in numbers]
 
 
-def _shifted(a: Picture, b: Picture, overlap: Length | None, side: ts.Side) -> tuple[int, int]:
+def _shifted(a: Picture, b: Picture, overlap: Length | None, side: ts.typing.Side) -> tuple[int, int]:
     """Return the offset at which B overlaps A by a length at one side of A; the pictures are aligned at the
     top or left.
     """
@@ -181,4 +181,4 @@ def _shifted(a: Picture, b: Picture, overlap: Length | None, side: ts.Side) -> t
         raise ts.OptionError("--overlap is missing")
     length = f"{overlap.value}%" if overlap.percent else overlap.value
     first, second = (ts.Layer(image=picture.pixels, name=name) for picture, name in ((a, "A"), (b, "B")))
-    return ts.overlapping(first, second, overlap=length, side=side)[1].at
+    return ts.layers.overlapping(first, second, overlap=length, side=side)[1].at

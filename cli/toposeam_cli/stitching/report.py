@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, TypeAlias
 
 import click
 import numpy as np
@@ -13,6 +14,14 @@ import toposeam as ts
 from toposeam.sentence import counted
 from toposeam_cli.stitching.outputs import Outputs
 from toposeam_cli.stitching.placement_report import best_correlation, describe_placement
+
+#: left, top, width and height of what is written of the canvas, px.
+Crop: TypeAlias = tuple[int, int, int, int]
+
+
+def crop_at(corner: tuple[int, int] | None, shape: tuple[int, ...]) -> Crop | None:
+    """Return the crop of that shape, (height, width, ...), at a corner; None where nothing was cropped."""
+    return None if corner is None else (*corner, shape[1], shape[0])
 
 
 def is_read(quiet: bool) -> bool:
@@ -29,8 +38,8 @@ def told_of(
     at: tuple[int, int] | None,
     whole: tuple[int, int],
     layers: tuple[ts.Layer, ...],
-    placement: ts.Placement | None,
-    aligned: ts.Aligned | None,
+    placement: ts.layers.Placement | None,
+    aligned: ts.layers.Aligned | None,
 ) -> str:
     """Describe a result of a shape, cropped from a corner of a whole, for people."""
     text = f"{out.output}: {shape[1]} × {shape[0]} px, {seams}"
@@ -52,12 +61,15 @@ def _kept_by(out: Outputs) -> str:
 
 
 def summary_of_all(
-    stitched: ts.Stitched,
+    stitched: ts.layers.Stitched,
     layers: tuple[ts.Layer, ...],
-    aligned: ts.Aligned | None,
-    placement: ts.Placement | None = None,
+    aligned: ts.layers.Aligned | None,
+    placement: ts.layers.Placement | None = None,
+    crop: Crop | None = None,
 ) -> dict[str, Any]:
-    """Summarise a result for ``--json``: the seam of two pictures, or layers and seams of more."""
+    """Summarise a result for ``--json``: the seam of two pictures, or layers and seams of more. Verdicts are
+    about what the crop shows.
+    """
     places = {"layers": [_place(index, stitched, layers[index], aligned) for index in range(len(layers))]}
     if placement is not None:
         for index, place in enumerate(places["layers"]):
@@ -65,17 +77,35 @@ def summary_of_all(
             place["turn"], place["scale"] = float(placement.turns[index]), float(placement.scales[index])
     if len(layers) == 2:
         told = aligned is not None or placement is not None
-        return stitched.seams[0].summary() | (places if told else {})
+        seam = stitched.seams[0]
+        return seam.summary() | summary_inside([seam.verdict], crop) | (places if told else {})
     seams = [
-        {"between": [layers[i].name, layers[j].name], **seam.summary()}
+        {
+            "between": [layers[i].name, layers[j].name],
+            **seam.summary(),
+            **summary_inside([seam.verdict], crop),
+        }
         for (i, j), seam in zip(stitched.pairs, stitched.seams, strict=True)
     ]
-    verdict = stitched.verdict
-    likeness = {} if verdict is None else verdict.summary()
+    likeness = summary_inside([seam.verdict for seam in stitched.seams], crop)
     return {"cost": stitched.cost, "rounds": stitched.rounds, **likeness, **places, "seams": seams}
 
 
-def _place(index: int, stitched: ts.Stitched, layer: ts.Layer, aligned: ts.Aligned | None) -> dict[str, Any]:
+def summary_inside(verdicts: Sequence[ts.seam.Verdict | None], crop: Crop | None) -> dict[str, Any]:
+    """Summarise the worst of some verdicts about what a crop shows; nothing where there are none."""
+    verdict = worst_inside(verdicts, crop)
+    return {} if verdict is None else verdict.summary()
+
+
+def worst_inside(verdicts: Sequence[ts.seam.Verdict | None], crop: Crop | None) -> ts.seam.Verdict | None:
+    """Choose the worst of some verdicts about what a crop shows."""
+    known = [verdict.inside(crop) for verdict in verdicts if verdict is not None]
+    return min(known, key=lambda verdict: verdict.worst) if known else None
+
+
+def _place(
+    index: int, stitched: ts.layers.Stitched, layer: ts.Layer, aligned: ts.layers.Aligned | None
+) -> dict[str, Any]:
     place: dict[str, Any] = {
         "name": layer.name,
         "at": list(layer.at),
@@ -87,7 +117,7 @@ def _place(index: int, stitched: ts.Stitched, layer: ts.Layer, aligned: ts.Align
     return place
 
 
-def hidden(composed: ts.Composition, remedy: str) -> list[str]:
+def hidden(composed: ts.layers.Composition, remedy: str) -> list[str]:
     """Return a sentence about the pictures that show nowhere, where there are any, and what lets them
     show.
     """
@@ -98,7 +128,7 @@ def hidden(composed: ts.Composition, remedy: str) -> list[str]:
     return [f"{', '.join(names)} {do} not show, as others cover {them} and join better without; {remedy}"]
 
 
-def describe_alignment(layers: tuple[ts.Layer, ...], aligned: ts.Aligned | None) -> list[str]:
+def describe_alignment(layers: tuple[ts.Layer, ...], aligned: ts.layers.Aligned | None) -> list[str]:
     """Return one line per layer that was moved."""
     if aligned is None:
         return []
@@ -112,13 +142,14 @@ def describe_alignment(layers: tuple[ts.Layer, ...], aligned: ts.Aligned | None)
     return lines
 
 
-def describe(seam: ts.Seam, at: tuple[int, int] | None = None) -> str:
-    """Return one line about the seam of two layers for people, of a picture cropped from a corner."""
+def describe(seam: ts.seam.Seam, crop: Crop | None = None) -> str:
+    """Return one line about the seam of two layers for people, of a picture that may be cropped."""
     effort = f" in {counted(len(seam.history), 'iteration')}" if seam.history else ""
+    verdict = worst_inside([seam.verdict], crop)
     text = (
         f"seam of {round(seam.length)} px by {seam.method}{effort}, cost {seam.cost:.4g}, "
-        f"{seam.seconds:.2f} s{'' if seam.verdict is None else f': {seam.verdict.seen_from(at)}'}"
+        f"{seam.seconds:.2f} s{'' if verdict is None else f': {verdict}'}"
     )
-    if seam.termination == ts.Termination.ITERATIONS:
+    if seam.termination == ts.optimize.Termination.ITERATIONS:
         text += "; the heat did not settle on a single line, so this is the best cut of what it left"
     return text

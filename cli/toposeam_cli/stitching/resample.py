@@ -40,7 +40,7 @@ def placed_layers(
         When the canvas would be larger, before any is warped.
     """
     if not all(map(is_move, transforms)):
-        ts.common_canvas(list(map(_blank, layers, transforms)), max_megapixels=max_megapixels)
+        ts.layers.common_canvas(list(map(_blank, layers, transforms)), max_megapixels=max_megapixels)
     placed = [_Warp(layer, transform, None) for layer, transform in zip(layers, transforms, strict=True)]
     if scratch is None:
         return [_warped(one) for one in placed]

@@ -11,15 +11,15 @@ from toposeam_cli.app.options import Keyed
 from toposeam_cli.stitching.inputs import PlacedPictures
 
 
-def given_seams(files: Sequence[Keyed], placed: PlacedPictures) -> dict[tuple[int, int], ts.SvgSeam]:
+def given_seams(files: Sequence[Keyed], placed: PlacedPictures) -> dict[tuple[int, int], ts.vector.SvgSeam]:
     """Return the seams of ``--use-seam`` by pair: ``seam.svg``, ``0:1=seam.svg``, or a file in which paths
     are named after their pairs.
     """
-    seams: dict[tuple[int, int], ts.SvgSeam] = {}
+    seams: dict[tuple[int, int], ts.vector.SvgSeam] = {}
     names = [layer.name for layer in placed.layers]
     for file in files:
         try:
-            drawing = ts.read_svg(file.path)
+            drawing = ts.vector.read_svg(file.path)
         except ts.PathError as error:
             if "file" in error.data:
                 raise
@@ -47,10 +47,14 @@ def given_seams(files: Sequence[Keyed], placed: PlacedPictures) -> dict[tuple[in
     return seams
 
 
-def _by_name(path: Path, drawing: ts.SvgSeam, placed: PlacedPictures) -> dict[tuple[int, int], ts.SvgSeam]:
+def _by_name(
+    path: Path, drawing: ts.vector.SvgSeam, placed: PlacedPictures
+) -> dict[tuple[int, int], ts.vector.SvgSeam]:
     names = [layer.name for layer in placed.layers]
     pairs = {
-        ts.pair_name(names[i], names[j]): (i, j) for i in range(len(names)) for j in range(i + 1, len(names))
+        ts.layers.pair_name(names[i], names[j]): (i, j)
+        for i in range(len(names))
+        for j in range(i + 1, len(names))
     }
     gone = _of_lost(names, placed.lost)
     stranger = next((name for name in drawing.names if name not in pairs and name not in gone), None)
@@ -74,4 +78,6 @@ def _by_name(path: Path, drawing: ts.SvgSeam, placed: PlacedPictures) -> dict[tu
 def _of_lost(names: Sequence[str], lost: Sequence[str]) -> set[str]:
     """Return the names of the seams of pictures that were left out."""
     every = [*names, *lost]
-    return {ts.pair_name(*pair) for one in lost for other in every for pair in ((one, other), (other, one))}
+    return {
+        ts.layers.pair_name(*pair) for one in lost for other in every for pair in ((one, other), (other, one))
+    }

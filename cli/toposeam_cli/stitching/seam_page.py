@@ -28,7 +28,7 @@ class Drawn(Protocol):
     """A seam, or its outline."""
 
     @property
-    def paths(self) -> Sequence[ts.Polyline]:
+    def paths(self) -> Sequence[ts.vector.Polyline]:
         """Its lines."""
 
     @property
@@ -143,7 +143,7 @@ def _data(image: npt.NDArray[np.uint8], alpha: npt.NDArray[np.uint8] | None) -> 
     return f"data:image/{kind};base64,{base64.b64encode(content.getvalue()).decode()}"
 
 
-def _path(line: ts.Polyline) -> str:
+def _path(line: ts.vector.Polyline) -> str:
     points = line.simplified(0.75).outline
     return "M" + " L".join(f"{x:g} {y:g}" for x, y in points.tolist())
 

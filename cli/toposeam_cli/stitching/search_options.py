@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -26,6 +26,8 @@ from toposeam_cli.stitching.seam_files import given_seams
 
 #: Below this correlation two pictures hardly show the same.
 _STRANGE = 0.1
+#: So many pairs of pictures are named in warnings of one kind.
+_SHOWN = 3
 
 
 def shared_work(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -80,20 +82,20 @@ class SeamOptions:
     """Options of the seam search, and of blending across seams."""
 
     avoid: Path | None
-    law: ts.Law | None
+    law: ts.typing.Law | None
     core: float | None
     speck: int | None
     max_megapixels: float
     align: bool
     align_radius: int | None
-    method: ts.Method
+    method: ts.typing.Method
     effort: Effort | None
     formulation: int | None
     plain: bool
     #: None where nothing is given.
     match_tones: bool | None
     match_shading: bool | None
-    blend: ts.Blend | None
+    blend: ts.typing.Blend | None
     blend_width: float | None
     use_seam: tuple[Keyed, ...]
     wrap: int | None
@@ -141,7 +143,7 @@ def correlations(job: PlacedPictures, executor: Executor | None = None) -> dict[
     """Compute the correlation of each two layers that overlap, -1 to 1."""
     if job.placement is not None:
         return job.placement.correlations
-    return ts.correlations(job.layers, executor=executor)
+    return ts.layers.correlations(job.layers, executor=executor)
 
 
 def strangers(job: PlacedPictures, wrap: int | None = None, executor: Executor | None = None) -> list[str]:
@@ -149,23 +151,30 @@ def strangers(job: PlacedPictures, wrap: int | None = None, executor: Executor |
     given also all the way round, or that match elsewhere.
     """
     if job.placement is not None:
-        return [
+        return _few(
             f"{job.layers[i].name} and {job.layers[j].name} match where the other pictures do not place "
             "them; this match was left out"
             for i, j in job.placement.outvoted
-        ]
+        )
     layers, count = list(job.layers), len(job.layers)
     if wrap is not None:
         right = max(layer.at[0] + layer.image.shape[1] for layer in layers)
         again = [index for index, layer in enumerate(layers) if layer.at[0] + wrap < right]
         layers += [replace(layers[k], at=(layers[k].at[0] + wrap, layers[k].at[1])) for k in again]
-    return [
+    return _few(
         f"{layers[i].name} and {layers[j].name} hardly show the same where they overlap"
         f"{'' if j < count else ' all the way round'} (correlation {value:.2f}); check where they lie"
         f"{'' if j < count else ' and how wide --wrap is'}"
-        for (i, j), value in ts.correlations(layers, executor=executor).items()
+        for (i, j), value in ts.layers.correlations(layers, executor=executor).items()
         if value < _STRANGE and i < count
-    ]
+    )
+
+
+def _few(sentences: Iterable[str]) -> list[str]:
+    """Return the first sentences about pairs of pictures, and how many more there are."""
+    found = list(sentences)
+    more = len(found) - _SHOWN
+    return found if more < 2 else [*found[:_SHOWN], f"the same holds for {more} more pairs of pictures"]
 
 
 def composed_as(
@@ -174,23 +183,23 @@ def composed_as(
     out: Outputs,
     files: Sequence[Path],
     executor: Executor | None = None,
-) -> ts.Composition:
+) -> ts.layers.Composition:
     """Join the layers along seams.
 
     Raises
     ------
     TopoSeamError
-        As :func:`toposeam.compose` raises it, with the file that is meant.
+        As :func:`toposeam.layers.compose` raises it, with the file that is meant.
     """
     options: dict[str, Any] = {} if find.formulation is None else {"formulation": find.formulation}
     if find.plain:
-        options = {"options": ts.ThesisOptions.plain(**options)}
+        options = {"options": ts.seam.ThesisOptions.plain(**options)}
     paths = given_seams(find.use_seam, job)
     check_give(find.give or 0, paths, find.wrap)
 
-    def composed(layers: Sequence[ts.Layer], tones: bool) -> ts.Composition:
+    def composed(layers: Sequence[ts.Layer], tones: bool) -> ts.layers.Composition:
         with share_bar(f"joining {_names(job.layers)}", out.quiet) as progress:
-            return ts.compose(
+            return ts.layers.compose(
                 layers,
                 method=find.method,
                 effort=find.effort,
@@ -198,7 +207,7 @@ def composed_as(
                 record_frames=out.history is not None,
                 progress=progress,
                 executor=executor,
-                cost=None if find.law is None else ts.MatchCost(law=find.law),
+                cost=None if find.law is None else ts.seam.MatchCost(law=find.law),
                 core=find.core,
                 speck=find.speck,
                 match_tones=tones and bool(find.match_tones),

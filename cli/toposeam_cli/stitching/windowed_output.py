@@ -35,6 +35,7 @@ from toposeam_cli.media.pictures.stored import store
 from toposeam_cli.stitching.hugin_crop import Framed
 from toposeam_cli.stitching.inputs import PlacedPictures
 from toposeam_cli.stitching.outputs import Outputs, write_composite
+from toposeam_cli.stitching.report import Crop, crop_at, summary_inside, worst_inside
 
 #: How wide windows are that are computed at once, px.
 _COLUMNS = 4 * BLOCK
@@ -58,6 +59,11 @@ class Large:
     #: Whether it is in its output already.
     written: bool
 
+    @property
+    def crop(self) -> Crop | None:
+        """What of the canvas it shows, where it was cropped."""
+        return crop_at(self.at, self.picture.pixels.shape)
+
 
 @dataclass(frozen=True, slots=True)
 class _Files:
@@ -75,7 +81,7 @@ class _Files:
 class _Window:
     """A window of the canvas that is to be computed into files."""
 
-    composed: ts.Composition | Framed
+    composed: ts.layers.Composition | Framed
     box: Box
     files: _Files
     #: Whether it is kept which layer shows.
@@ -98,7 +104,7 @@ class _Painted:
 
 
 def make(
-    composed: ts.Composition | Framed,
+    composed: ts.layers.Composition | Framed,
     job: PlacedPictures,
     out: Outputs,
     crop: str,
@@ -177,7 +183,7 @@ def make(
     )
 
 
-def _known_full(composed: ts.Composition | Framed) -> bool | None:
+def _known_full(composed: ts.layers.Composition | Framed) -> bool | None:
     """Test whether all of it is opaque; None where only painting shows it, as layers are partly
     transparent.
     """
@@ -288,7 +294,7 @@ def _give_back_memory() -> None:
 
 def write_large(
     out: Outputs,
-    composed: ts.Composition | Framed,
+    composed: ts.layers.Composition | Framed,
     large: Large,
     documents: Sequence[tuple[Path, bytes]],
     scratch: Scratch,
@@ -315,20 +321,21 @@ def write_large(
 
 
 def describe_totals(
-    composed: ts.Composition, executor: Executor | None = None, at: tuple[int, int] | None = None
+    composed: ts.layers.Composition, executor: Executor | None = None, crop: Crop | None = None
 ) -> str:
-    """Return one line about the seams for people, of a picture cropped from a corner."""
+    """Return one line about the seams for people, of a picture that may be cropped."""
     if not composed.pairs:
         return f"{len(composed.names)} layers without a seam"
     totals, rounds = composed.totals(executor), composed.rounds
+    verdict = worst_inside(totals.verdicts, crop)
     return (
         f"{len(composed.names)} layers, {counted(len(composed.pairs), 'seam')} of {round(totals.length)} px "
         f"in all by {totals.method}, {counted(rounds, 'round')}, cost {totals.cost:.4g}, "
-        f"{totals.seconds:.2f} s{'' if totals.verdict is None else f': {totals.verdict.seen_from(at)}'}"
+        f"{totals.seconds:.2f} s{'' if verdict is None else f': {verdict}'}"
     )
 
 
-def summary_of_large(composed: ts.Composition, large: Large) -> dict[str, Any]:
+def summary_of_large(composed: ts.layers.Composition, large: Large) -> dict[str, Any]:
     """Summarise a large result for ``--json``; without optima, which take longer than the seams."""
     layers = [
         {"name": layer.name, "at": list(layer.at), "shown_px": shown}
@@ -344,11 +351,13 @@ def summary_of_large(composed: ts.Composition, large: Large) -> dict[str, Any]:
             "paths": len(seam.paths),
             "length_px": round(seam.length),
             "seconds": round(seam.seconds, 6),
+            **summary_inside([seam.verdict], large.crop),
         }
         for seam in large.seams
     ]
     cost = sum(seam.cost for seam in large.seams)
-    return {"cost": cost, "rounds": composed.rounds, "layers": layers, "seams": seams}
+    likeness = summary_inside([seam.verdict for seam in large.seams], large.crop)
+    return {"cost": cost, "rounds": composed.rounds, **likeness, "layers": layers, "seams": seams}
 
 
 def _byte_picture(paths: Sequence[Path], shape: tuple[int, int, int], box: Box) -> Picture:

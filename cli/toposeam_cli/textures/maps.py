@@ -83,7 +83,7 @@ class Maps:
             "data_range": white if normals is None else [*white, white_of(normals[0])],
         }
 
-    def made(self, made: ts.Synthesis) -> list[Picture]:
+    def made(self, made: ts.texture.Synthesis) -> list[Picture]:
         """Return the texture's maps."""
         values = list(made.maps)
         opacities = {index: values.pop() for index in reversed(self._opacities)}

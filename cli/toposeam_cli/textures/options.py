@@ -27,6 +27,7 @@ from toposeam_cli.app.options import (
     quiet_option,
     refuse_besides,
 )
+from toposeam_cli.files.regular import real_path
 from toposeam_cli.files.writing import all_or_nothing, atomic_write, check_output
 from toposeam_cli.media.pictures.picture import (
     Picture,
@@ -106,7 +107,7 @@ class Search:
     context: int
     most: float
     variety: float
-    method: ts.Method
+    method: ts.typing.Method
 
     def keywords(self, varied: bool = False) -> dict[str, Any]:
         """Return the keywords common to ``synthesize``, ``make_tileable`` and ``fill``; where one number says
@@ -125,7 +126,7 @@ class Search:
         return {
             "seed": self.seed,
             "smooth": self.smooth,
-            "options": ts.LayOptions(**{name: getattr(self, name) for name in lay}),
+            "options": ts.texture.LayOptions(**{name: getattr(self, name) for name in lay}),
         }
 
 
@@ -258,7 +259,7 @@ _SEARCH: tuple[Callable[[Any], Any], ...] = (
     option(
         "--method",
         heading="Patches",
-        type=click.Choice(ts.METHODS),
+        type=click.Choice(ts.seam.METHODS),
         default="auto",
         show_default=True,
         help="How seams are found; auto takes the exact solver that is fastest.",
@@ -323,7 +324,7 @@ class Destinations:
         if self.seams is not None:
             check_output(self.seams, self.force, (".svg",))
             pictures.append(self.seams)
-        if len({path.resolve() for path in pictures}) < len(pictures):
+        if len({real_path(path) for path in pictures}) < len(pictures):
             raise ts.OptionError("two outputs have the same name; give each a name of its own")
 
     def check(self, pictures: Sequence[Picture], maps: Maps) -> None:
@@ -338,7 +339,7 @@ class Destinations:
                 check_values(path, picture)
 
     @all_or_nothing()
-    def write(self, made: ts.Synthesis, picture: Picture, maps: Maps) -> None:
+    def write(self, made: ts.texture.Synthesis, picture: Picture, maps: Maps) -> None:
         """Write everything that was asked for, or nothing.
 
         Parameters
@@ -367,7 +368,7 @@ class Destinations:
             write_picture(self.preview, dataclasses.replace(picture, pixels=pixels, alpha=alpha), self.force)
 
 
-def coordinate_picture(made: ts.Synthesis) -> npt.NDArray[np.uint16]:
+def coordinate_picture(made: ts.texture.Synthesis) -> npt.NDArray[np.uint16]:
     """(H, W, 3) column, row and exemplar of every pixel's source."""
     return np.concatenate([made.source[..., ::-1], made.exemplar[..., np.newaxis]], axis=2).astype(np.uint16)
 

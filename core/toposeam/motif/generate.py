@@ -215,7 +215,7 @@ def random_recipe(
     Examples
     --------
     >>> import toposeam as ts
-    >>> recipe = ts.random_recipe((24, 32), layers=2, repeat="p2", seed=4)
+    >>> recipe = ts.motif.random_recipe((24, 32), layers=2, repeat="p2", seed=4)
     >>> recipe.size, recipe.seed, len(recipe.layers)
     ((24, 32), 4, 2)
     """

@@ -27,7 +27,7 @@ import numpy.typing as npt
 from toposeam.checks import check_function, check_items, check_kind, check_range, check_whole
 from toposeam.display import to_png
 from toposeam.errors import OptionError, Term
-from toposeam.motif.arrange import arrange
+from toposeam.motif.arrangement import arrange
 from toposeam.motif.border_smoothing import calmed_row
 from toposeam.motif.generate import make_motif
 from toposeam.motif.ink.stroke_repair import mended
@@ -51,8 +51,8 @@ class JoinedMotifs:
     --------
     >>> import toposeam as ts
     >>> given = dict(layers=1, repeat="translate", iterations=3, palette="sumi")
-    >>> recipes = [ts.random_recipe(16, seed=seed, **given) for seed in (1, 2)]
-    >>> len(ts.join_motifs(recipes).motifs)
+    >>> recipes = [ts.motif.random_recipe(16, seed=seed, **given) for seed in (1, 2)]
+    >>> len(ts.motif.join_motifs(recipes).motifs)
     2
     """
 
@@ -123,7 +123,7 @@ def border_mismatch(a: Motif, b: Motif) -> float:
     --------
     >>> import toposeam as ts
     >>> motif = ts.generate_motif(16, layers=1, repeat="translate", seed=1, iterations=3)
-    >>> ts.border_mismatch(motif, motif) >= 0
+    >>> ts.motif.border_mismatch(motif, motif) >= 0
     True
     """
     for name, motif in (("a", a), ("b", b)):
@@ -184,8 +184,8 @@ def join_motifs(
     --------
     >>> import toposeam as ts
     >>> given = dict(layers=1, repeat="translate", iterations=3, palette="sumi")
-    >>> recipes = [ts.random_recipe(16, seed=seed, **given) for seed in (1, 2)]
-    >>> first, second = ts.join_motifs(recipes).motifs
+    >>> recipes = [ts.motif.random_recipe(16, seed=seed, **given) for seed in (1, 2)]
+    >>> first, second = ts.motif.join_motifs(recipes).motifs
     >>> first.densities.shape
     (1, 16, 16)
     """

@@ -109,7 +109,7 @@ def repeat_densities(
     --------
     >>> import toposeam as ts
     >>> motif = ts.generate_motif(16, layers=2, repeat="p4m", seed=1, iterations=3)
-    >>> ts.repeat_densities(motif, (2, 3)).shape
+    >>> ts.motif.repeat_densities(motif, (2, 3)).shape
     (2, 32, 48)
     """
     pair = _counts(motif, counts, size)

@@ -1,1 +1,5 @@
 """Optimisers and the records they keep. Knows nothing of images."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -16,7 +16,7 @@ class Termination(StrEnum):
     --------
     >>> import numpy as np, toposeam as ts
     >>> a, b = np.random.default_rng(0).random((2, 12, 6))
-    >>> ts.find_seam(a, b, method="heat").termination is ts.Termination.SINGLE_LINE
+    >>> ts.find_seam(a, b, method="heat").termination is ts.optimize.Termination.SINGLE_LINE
     True
     """
 

@@ -53,7 +53,7 @@ class PathOptions:
     Examples
     --------
     >>> import numpy as np, toposeam as ts
-    >>> way = ts.plan_path((16, 24), (2, 8), (21, 8), options=ts.PathOptions(gather=10, sharpen=10))
+    >>> way = ts.plan_path((16, 24), (2, 8), (21, 8), options=ts.path.PathOptions(gather=10, sharpen=10))
     >>> len(way.paths)
     1
     """

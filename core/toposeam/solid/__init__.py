@@ -1,1 +1,5 @@
 """Solids: what heat builds in a block, as a mesh. See docs/patterns.md."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -58,8 +58,8 @@ class Solid:
     Examples
     --------
     >>> import toposeam as ts
-    >>> recipe = ts.random_recipe(16, layers=1, seed=1, iterations=6)
-    >>> solid = ts.generate_solid(recipe, 16)
+    >>> recipe = ts.motif.random_recipe(16, layers=1, seed=1, iterations=6)
+    >>> solid = ts.solid.generate_solid(recipe, 16)
     >>> solid.density.shape
     (16, 16, 16)
     """
@@ -145,8 +145,8 @@ def generate_solid(recipe: Recipe, depth: int, *, progress: Callable[[float], No
     Examples
     --------
     >>> import toposeam as ts
-    >>> recipe = ts.random_recipe(16, layers=1, seed=1, iterations=6, repeat="p4m")
-    >>> ts.generate_solid(recipe, 24).mesh(2.5).closed
+    >>> recipe = ts.motif.random_recipe(16, layers=1, seed=1, iterations=6, repeat="p4m")
+    >>> ts.solid.generate_solid(recipe, 24).mesh(2.5).closed
     True
     """
     check_function("progress", progress)

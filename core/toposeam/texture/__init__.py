@@ -1,1 +1,5 @@
 """Textures laid from patches of samples, joined along the best seams: synthesis, tiles, filled holes."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -135,7 +135,7 @@ def synthesize(
         px to either side of a seam in which neighbouring patches are mixed, in the picture and its normals; 0
         for hard cuts.
     flatten : bool
-        Take slow light out of the exemplars first (:func:`toposeam.flatten_light`); not out of maps.
+        Take slow light out of the exemplars first (:func:`toposeam.texture.flatten_light`); not out of maps.
     level : bool or "steps", optional
         Whether light is levelled between patches (:mod:`toposeam.texture.light.slow_light`), which changes
         colours a little, or steps at seams are eased into both sides only

@@ -66,7 +66,7 @@ def make_tileable(
     tileable : {"both", "x", "y"} or True
         Which borders are to match: left and right ("x"), upper and lower ("y"), or all.
     flatten : bool
-        Take slow light out of the picture first (:func:`toposeam.flatten_light`); not out of maps.
+        Take slow light out of the picture first (:func:`toposeam.texture.flatten_light`); not out of maps.
     level : bool
         Take out the light by which opposite borders differ, spread over the picture
         (:mod:`toposeam.texture.light.border_light`); not out of maps.

@@ -58,7 +58,7 @@ class Polyline:
     Examples
     --------
     >>> import numpy as np, toposeam as ts
-    >>> line = ts.Polyline(points=np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 4.0]]))
+    >>> line = ts.vector.Polyline(points=np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 4.0]]))
     >>> line.length
     7.0
     """

@@ -39,7 +39,7 @@ class SvgSeam:
     --------
     >>> import numpy as np, toposeam as ts
     >>> a, b = np.random.default_rng(0).random((2, 12, 6))
-    >>> read = ts.read_svg(ts.find_seam(a, b).to_svg())
+    >>> read = ts.vector.read_svg(ts.find_seam(a, b).to_svg())
     >>> (read.width, read.height), len(read.polylines)
     ((6.0, 12.0), 1)
     """
@@ -161,7 +161,7 @@ def read_svg(source: str | bytes | os.PathLike[str], *, size: tuple[int, int] | 
     >>> import numpy as np, toposeam as ts
     >>> a, b = np.random.default_rng(0).random((2, 12, 6))
     >>> seam = ts.find_seam(a, b)
-    >>> bool((ts.read_svg(seam.to_svg()).polylines[0].points == seam.paths[0].points).all())
+    >>> bool((ts.vector.read_svg(seam.to_svg()).polylines[0].points == seam.paths[0].points).all())
     True
     """
     root = parse(document_of(source))

@@ -1,1 +1,5 @@
 """Volumes and clips: surfaces between overlapping ones, loops of clips, stacks joined."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

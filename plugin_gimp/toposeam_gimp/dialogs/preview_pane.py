@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ from gi.repository import GdkPixbuf, Gimp, Gio, GLib, Gtk
 
 from toposeam_gimp.dialogs import scenes
 from toposeam_gimp.dialogs.rehearsal import Preview, Rehearsal
-from toposeam_gimp.dialogs.variants import Variants
+from toposeam_gimp.dialogs.variants import COUNT, GAP, Variants
 from toposeam_gimp.dialogs.zoomed_view import ZoomedView
 from toposeam_gimp.engine.call import GoneError, check_there
 from toposeam_gimp.engine.folder import FolderError, RequestFolder
@@ -45,7 +46,10 @@ class PreviewPane:
         drawables: Sequence[Gimp.Drawable],
     ) -> None:
         self._config, self._entry, self._image, self._drawables = config, entry, image, drawables
-        self._picture = Gtk.Image()
+        self._variants = Variants() if entry.preview == "hole" else None
+        self._row = Gtk.Box(spacing=GAP, halign=Gtk.Align.CENTER, valign=Gtk.Align.CENTER)
+        for _number in range(1 if self._variants is None else COUNT):
+            self._row.pack_start(Gtk.Image(), False, False, 0)
         self._text = Gtk.Label(wrap=True, max_width_chars=34, justify=Gtk.Justification.CENTER)
         self._switch = Gtk.CheckButton.new_with_mnemonic(_("Pre_view"))
         self._switch.set_active(True)
@@ -57,7 +61,7 @@ class PreviewPane:
         self._before = Gtk.CheckButton.new_with_label(_("Before"))
         self._before.connect("toggled", lambda _box: self.changed())
         self._view = ZoomedView(
-            self._picture, _WIDE if entry.preview == "hole" else _SIZE, self._refresh, self._take
+            self._row, _WIDE if entry.preview == "hole" else _SIZE, self._refresh, self._take
         )
         self._stack = Gtk.Stack()
         for name, widget in (("picture", self._view.widget), ("text", self._text)):
@@ -79,7 +83,6 @@ class PreviewPane:
         self._folder: RequestFolder | None = None
         self._scene: tuple[Any, dict[str, Any]] | None = None
         self._timer = self._clock = self._sign = 0
-        self._variants = Variants() if entry.preview == "hole" else None
         if self._variants is not None:
             self._view.widget.set_tooltip_text(_("Click the variant that shall be taken"))
         self._asked: tuple[dict[str, Any], dict[str, Any], Path] | None = None
@@ -201,8 +204,8 @@ class PreviewPane:
     def _refresh(self) -> None:
         """Scale and draw what is shown, for the room and the zoom there are."""
         if self._variants is not None and self._raw and not self._before.get_active():
-            seed, dots = self._config.get_property("seed"), self._picture.get_scale_factor()
-            self._draw(self._variants.picture(seed, self._scaled, dots))
+            seed, dots = self._config.get_property("seed"), self._row.get_scale_factor()
+            self._draw(*self._variants.pictures(seed, self._scaled, dots))
         elif self._raw:
             most = _MOST_ENLARGED_FRAMES if len(self._raw) > 1 else _MOST_ENLARGED
             self._frames = [self._scaled(pixbuf, 1, most) for pixbuf in self._raw]
@@ -218,7 +221,7 @@ class PreviewPane:
         self, pixbuf: GdkPixbuf.Pixbuf, beside: int, most: float = _MOST_ENLARGED
     ) -> GdkPixbuf.Pixbuf:
         """Scale the picture to the room there is for so many, on checks where it is transparent."""
-        dots = self._picture.get_scale_factor()
+        dots = self._row.get_scale_factor()
         width, height = pixbuf.get_width(), pixbuf.get_height()
         spare = _SPARE if beside > 1 else 0
         across, down = self._view.room[0] / beside - spare, self._view.room[1] - spare
@@ -228,15 +231,20 @@ class PreviewPane:
             *size, GdkPixbuf.InterpType.BILINEAR, 255, 8 * dots, 0x999999, 0x666666
         )
 
-    def _draw(self, pixbuf: GdkPixbuf.Pixbuf) -> None:
-        dots = self._picture.get_scale_factor()
-        if dots == 1:
-            self._picture.set_from_pixbuf(pixbuf)
-            return
-        # A pixbuf would be shown at the scale of an ordinary screen, and blurred.
-        _done, content = _squared(pixbuf).save_to_bufferv("png", [], [])
-        self._picture.set_from_gicon(Gio.BytesIcon.new(GLib.Bytes.new(content)), Gtk.IconSize.DIALOG)
-        self._picture.set_pixel_size(max(pixbuf.get_width(), pixbuf.get_height()) // dots)
+    def _draw(self, *pixbufs: GdkPixbuf.Pixbuf) -> None:
+        """Show pictures in a row."""
+        dots = self._row.get_scale_factor()
+        for image, pixbuf in zip_longest(self._row.get_children(), pixbufs):
+            image.set_visible(pixbuf is not None)
+            if pixbuf is None:
+                continue
+            if dots == 1:
+                image.set_from_pixbuf(pixbuf)
+                continue
+            # A pixbuf would be shown at the scale of an ordinary screen, and blurred.
+            _done, content = _squared(pixbuf).save_to_bufferv("png", [], [])
+            image.set_from_gicon(Gio.BytesIcon.new(GLib.Bytes.new(content)), Gtk.IconSize.DIALOG)
+            image.set_pixel_size(max(pixbuf.get_width(), pixbuf.get_height()) // dots)
 
 
 def _squared(pixbuf: GdkPixbuf.Pixbuf) -> GdkPixbuf.Pixbuf:

@@ -40,8 +40,8 @@ _MOST_GROWN, _MOST_LOOPED = 32_000, 150_000
 #: Of what is to be filled so many times its size is shown on each side; less where that is the result.
 _SURROUNDINGS, _CLOSE = 1.2, 0.6
 #: A hole is filled at full size where what is searched has so many pixels at most: what lies within so many
-#: px of it, and some more.
-_MOST_FILLED, _SEARCHED, _BEYOND = 1_800_000, 512, 64
+#: px of it, or so many times its longer side, and some more.
+_MOST_FILLED, _SEARCHED, _REACH, _BEYOND = 1_800_000, 512, 1.5, 64
 #: Smaller layers are searched as a whole.
 _SMALL = 1 << 20
 #: The least that a frame of an animation is shown at.
@@ -158,7 +158,7 @@ def _hole(folder: RequestFolder, image: Gimp.Image, drawables: Layers, options: 
     whole, selected = _box(layer), _bounds(image) or _box(layer)
     # What is to be replaced and its surroundings, as large as they can be shown.
     shown = pixels.common(whole, _grown(selected, round(_SURROUNDINGS * max(selected[2:]))))
-    reach = max(selected[2:]) if options["from"] == "around" else math.isqrt(selected[2] * selected[3])
+    reach = round(max(selected[2:]) * (1 if options["from"] == "around" else _REACH))
     searched = pixels.common(whole, _grown(selected, max(reach, _SEARCHED) + _BEYOND))
     if shown is None or searched is None:
         raise RefusedError(

@@ -8,7 +8,7 @@ from gi.repository import GdkPixbuf
 
 COUNT = 3
 #: Between variants, and round the one that is taken, px of the screen.
-_GAP, _FRAME = 6, 3
+GAP, _FRAME = 6, 3
 _FRAME_COLOUR = 0x3584E4FF
 
 
@@ -36,10 +36,10 @@ class Variants:
         """Return the seed of the variant at a share of the picture's width."""
         return self._first + min(max(int(share * COUNT), 0), COUNT - 1)
 
-    def picture(
+    def pictures(
         self, seed: int, scaled: Callable[[GdkPixbuf.Pixbuf, int], GdkPixbuf.Pixbuf], dots: int
-    ) -> GdkPixbuf.Pixbuf:
-        """Return all in a row, with a frame round that of the seed.
+    ) -> list[GdkPixbuf.Pixbuf]:
+        """Return the variants, each with room for a frame, which that of the seed has.
 
         Parameters
         ----------
@@ -49,14 +49,14 @@ class Variants:
         dots : int
             Px of the screen for each of its px in layouts.
         """
-        shown = [scaled(picture, COUNT) for picture in self._pictures]
-        width, height, gap, frame = shown[0].get_width(), shown[0].get_height(), _GAP * dots, _FRAME * dots
-        wide = COUNT * (width + 2 * frame) + (COUNT - 1) * gap
-        row = GdkPixbuf.Pixbuf.new(GdkPixbuf.Colorspace.RGB, True, 8, wide, height + 2 * frame)
-        row.fill(0)
-        for index, one in enumerate(shown):
-            left = index * (width + 2 * frame + gap)
-            if self._first + index == seed:
-                row.new_subpixbuf(left, 0, width + 2 * frame, height + 2 * frame).fill(_FRAME_COLOUR)
-            one.copy_area(0, 0, width, height, row, left + frame, frame)
-        return row
+        framed, frame = [], _FRAME * dots
+        for index, picture in enumerate(self._pictures):
+            shown = scaled(picture, COUNT)
+            width, height = shown.get_width(), shown.get_height()
+            one = GdkPixbuf.Pixbuf.new(
+                GdkPixbuf.Colorspace.RGB, True, 8, width + 2 * frame, height + 2 * frame
+            )
+            one.fill(_FRAME_COLOUR if self._first + index == seed else 0)
+            shown.copy_area(0, 0, width, height, one, frame, frame)
+            framed.append(one)
+        return framed

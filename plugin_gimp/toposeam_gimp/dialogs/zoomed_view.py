@@ -19,7 +19,7 @@ class ZoomedView:
 
     Parameters
     ----------
-    picture : Gtk.Image
+    picture : Gtk.Widget
     least : (int, int)
         Width and height that it has at least, px.
     refresh : callable
@@ -30,7 +30,7 @@ class ZoomedView:
 
     def __init__(
         self,
-        picture: Gtk.Image,
+        picture: Gtk.Widget,
         least: tuple[int, int],
         refresh: Callable[[], object],
         click: Callable[[float], object],
@@ -85,12 +85,11 @@ class ZoomedView:
         self._held, self._dragged = (event.x_root, event.y_root), False
         return True
 
-    def _released(self, widget: Gtk.Widget, event: Any) -> bool:
+    def _released(self, _widget: Gtk.Widget, event: Any) -> bool:
         self._held = None
-        shown = self._picture.get_pixbuf()
-        if not self._dragged and shown is not None:
-            width = shown.get_width() / self._picture.get_scale_factor()
-            self._click((event.x - (widget.get_allocated_width() - width) / 2) / width)
+        room = self._picture.get_allocation()
+        if not self._dragged and room.width > 0:
+            self._click((event.x - room.x) / room.width)
         return True
 
     def _moved(self, _widget: Gtk.Widget, event: Any) -> bool:

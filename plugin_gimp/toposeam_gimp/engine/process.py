@@ -56,6 +56,10 @@ class EngineError(Exception):
     """The engine could not do it; the text says what to do."""
 
 
+class NoEngineError(EngineError):
+    """There is none, or it is gone."""
+
+
 class _SaidError(EngineError):
     """The engine's own sentence, after which it can be asked again."""
 
@@ -95,12 +99,12 @@ def find_python(environment: Mapping[str, str] | None = None, home: Path | None 
     if recorded:
         if shutil.which(recorded) is None:
             gone = _("TopoSeam's engine {python} is gone.").format(python=recorded)
-            raise EngineError(f"{gone} {_INSTALL}")
+            raise NoEngineError(f"{gone} {_INSTALL}")
         return recorded
     for place in _usual_places(Path.home() if home is None else home):
         if place.exists():
             return str(place)
-    raise EngineError(_("TopoSeam's engine is not installed for GIMP.") + f" {_INSTALL}")
+    raise NoEngineError(_("TopoSeam's engine is not installed for GIMP.") + f" {_INSTALL}")
 
 
 def _usual_places(home: Path) -> Iterator[Path]:

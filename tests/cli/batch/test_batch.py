@@ -394,3 +394,16 @@ def test_a_killed_batch_resumes_and_leaves_no_partial_files(process, started, pa
     assert ran.code == 0, ran
     assert "done before" in ran.out
     assert sorted(contents(pairs / "out")) == [f"{index}.png" for index in range(4)]
+
+
+@pytest.mark.parametrize("output", ["loop.png", "loop.png/o.png", "o.png"])
+def test_links_that_lead_to_themselves_are_a_sentence(toposeam, tmp_path, monkeypatch, output):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "loop.png").symlink_to(tmp_path / "loop.png")
+    (tmp_path / "jobs.toml").write_text(
+        f'[[stitch]]\npictures = ["loop.png", "b.png"]\noverlap = 20\noutput = "{output}"\n'
+    )
+    ran = toposeam("batch", "jobs.toml")
+    assert ran.code == 1
+    assert "inside TopoSeam" not in ran.err + ran.out
+    assert len(ran.err.splitlines()) + len(ran.out.splitlines()) >= 1

@@ -15,7 +15,7 @@ def test_compare_tells_every_method(folder, toposeam):
     assert (ran.code, ran.err) == (0, "")
     head, *rows = ran.out.splitlines()
     assert head.split() == ["method", "cost", "÷", "optimum", "seconds", "iterations", "likeness", "worst"]
-    assert [row.split()[0] for row in rows] == [method for method in ts.METHODS if method != "auto"]
+    assert [row.split()[0] for row in rows] == [method for method in ts.seam.METHODS if method != "auto"]
     assert names(folder) == ["a.png", "b.png"]
 
 

@@ -52,7 +52,7 @@ def test_a_click_keeps_a_motif_and_shows_its_recipe(page, tmp_path):
     elements = seen(clicking, tmp_path)
     assert re.findall(r'aria-pressed="true" data-number="(\d+)"', elements) == ["3"]
     (recipe,) = re.findall(r"<textarea[^>]*>(.*?)</textarea>", elements, re.DOTALL)
-    expected = ts.random_recipe(24, layers=1, iterations=3, seed=7, repeat="drop")
+    expected = ts.motif.random_recipe(24, layers=1, iterations=3, seed=7, repeat="drop")
     assert unescape(recipe).strip() == to_toml(expected).strip()
     assert 'download="motif-3.toml"' in elements
     assert 'toposeam motif --from "clicking.html" --number 3 -o motif-3.svg' in elements
@@ -66,7 +66,7 @@ def test_the_address_remembers_what_was_kept(page, tmp_path):
 
 
 def test_going_on_from_a_motif_of_the_page(page, folder, toposeam):
-    recipe = ts.random_recipe(24, layers=1, iterations=3, seed=7, repeat="drop")
+    recipe = ts.motif.random_recipe(24, layers=1, iterations=3, seed=7, repeat="drop")
     ran = toposeam("motif", "--from", "sheet.html", "--number", "3", "--show-recipe")
     assert ran.out == to_toml(recipe)
     ran = toposeam("motif", "--from", "sheet.html", "--number", "3", "--explore", "2x2", "-o", "next.html")
@@ -77,11 +77,11 @@ def test_going_on_from_a_motif_of_the_page(page, folder, toposeam):
     ran = toposeam("motif", "--from", "next.html", "--number", "1", "--show-recipe")
     assert ran.out == to_toml(recipe)
     second = toposeam("motif", "--from", "next.html", "--number", "2", "--show-recipe").out
-    assert second == to_toml(ts.vary(recipe, amount=0.4, seed=1))
+    assert second == to_toml(ts.motif.vary(recipe, amount=0.4, seed=1))
 
 
 def test_going_on_from_a_recipe_that_was_saved_or_a_motif(folder, toposeam):
-    recipe = ts.random_recipe(24, layers=1, iterations=3, seed=7, repeat="drop")
+    recipe = ts.motif.random_recipe(24, layers=1, iterations=3, seed=7, repeat="drop")
     (folder / "kept.toml").write_text(to_toml(recipe))
     assert toposeam("motif", "--from", "kept.toml", "-o", "m.png").code == 0
     for name in ("kept.toml", "m.png"):
@@ -114,7 +114,7 @@ def test_a_page_of_seeds_with_options_from_a_file(folder, toposeam):
 
 
 def test_going_on_from_one_begins_with_it(page, folder, toposeam):
-    recipe = ts.random_recipe(24, layers=1, iterations=3, seed=7, repeat="drop")
+    recipe = ts.motif.random_recipe(24, layers=1, iterations=3, seed=7, repeat="drop")
     (folder / "kept.toml").write_text(to_toml(recipe))
     ran = toposeam("motif", "--config", "kept.toml", "--explore", "2x2", "--vary", "0.2", "-o", "next.html")
     assert ran.code == 0

@@ -56,8 +56,8 @@ def test_motifs_are_joined_as_the_library_joins_them(motifs, tmp_path, toposeam)
 
     layers = tuple(dataclasses.replace(b, ink=a.ink) for a, b in zip(one.layers, two.layers, strict=True))
     other = dataclasses.replace(two, size=one.size, paper=one.paper, layers=layers)
-    joined = ts.join_motifs([one, other], weight=0.5, stages=2)
-    expected = ts.arrange(joined.motifs, np.array([[0, 1], [2, 0]])).image()
+    joined = ts.motif.join_motifs([one, other], weight=0.5, stages=2)
+    expected = ts.motif.arrange(joined.motifs, np.array([[0, 1], [2, 0]])).image()
     np.testing.assert_array_equal(mixed, np.rint(expected * 255).astype(np.uint8))
 
 
@@ -158,7 +158,7 @@ def test_what_is_transparent_is_printed_white(tmp_path, toposeam):
 def test_a_motif_that_will_not_be_there_is_said_before_the_work(
     motifs, tmp_path, toposeam, monkeypatch, stages, count
 ):
-    monkeypatch.setattr("toposeam.join_motifs", lambda *given, **options: 1 / 0)
+    monkeypatch.setattr("toposeam.motif.join_motifs", lambda *given, **options: 1 / 0)
     line = ("join", motifs / "one.png", motifs / "two.png", "-o", tmp_path / "m.png", "--between", 3)
     grid = f"1 {count + 1}"
     ran = toposeam(*line, "--stages", stages, "--grid", grid)

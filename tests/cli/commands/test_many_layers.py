@@ -30,7 +30,7 @@ def test_three_pictures_at_given_places(three, toposeam):
     assert ran.code == 0, ran
     assert "3 layers, 3 seams" in ran.out
     assert_joined()
-    assert set(ts.read_svg("s.svg").names) == {"a.png : b.png", "a.png : c.png", "b.png : c.png"}
+    assert set(ts.vector.read_svg("s.svg").names) == {"a.png : b.png", "a.png : c.png", "b.png : c.png"}
     assert read_picture("o.png").pixels.shape == (80, 100, 3)
 
 
@@ -127,7 +127,7 @@ def test_alignment_says_what_it_did(three, toposeam):
     assert places[1]["moved"] == [-3, 3]
 
 
-@pytest.mark.parametrize("blend", ts.BLENDS)
+@pytest.mark.parametrize("blend", ts.layers.BLENDS)
 def test_every_blend(three, toposeam, blend):
     assert toposeam("stitch", *FILES, *AT, "-o", "out.png", "--blend", blend, "--match-tones").code == 0
     hard = toposeam("stitch", *FILES, *AT, "-o", "hard.png", "--match-tones")

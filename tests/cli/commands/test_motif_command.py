@@ -33,7 +33,7 @@ def made(folder, toposeam):
 
 
 def test_the_motif_is_the_one_of_the_library(made):
-    recipe = ts.random_recipe(32, layers=2, iterations=6, repeat="rotate", seed=3, palette="fall")
+    recipe = ts.motif.random_recipe(32, layers=2, iterations=6, repeat="rotate", seed=3, palette="fall")
     assert read_recipe(made / "motif.png") == recipe
     picture = read_picture(made / "motif.png")
     np.testing.assert_array_equal(
@@ -94,7 +94,7 @@ def test_relatives_keep_what_they_share(made, toposeam):
     assert 0 < moved(near) < 0.08 < moved(far)
     # Without a seed, that of the motif and one: a row of relatives counts up.
     toposeam("motif", "-o", "next.png", "--like", "motif.png", "--vary", "0.1")
-    assert read_recipe(made / "next.png") == ts.vary(first, amount=0.1, seed=first.seed + 1)
+    assert read_recipe(made / "next.png") == ts.motif.vary(first, amount=0.1, seed=first.seed + 1)
 
 
 def test_a_recipe_as_toml_and_back(made, toposeam):
@@ -308,7 +308,7 @@ def test_separations_are_the_shares_of_each_ink(made, toposeam):
     line = ("motif", "-o", "m.tif", "--like", "motif.png", "--motif-width", "10mm", "--sheet", "2x1")
     assert toposeam(*line, "--separations", "--spot-names", "PANTONE 300 C,Black").code == 0
     motif = ts.generate_motif(read_recipe(made / "m.tif"))
-    layers = ts.repeat_densities(motif, (1, 2), size=(118, 118))
+    layers = ts.motif.repeat_densities(motif, (1, 2), size=(118, 118))
     for name, layer in zip(("m.1-PANTONE-300-C.tif", "m.2-Black.tif"), layers, strict=True):
         plate = read_picture(name)
         np.testing.assert_array_equal(plate.pixels, np.rint(255 * (1 - layer)).astype(np.uint8))
@@ -373,7 +373,7 @@ def test_palettes_of_files_and_their_list(folder, toposeam):
     assert recipe.paper == (1.0, 1.0, 0.5)
     assert [layer.ink for layer in recipe.layers] == [(0.0, 0.5, 0.5), (0.25, 0.25, 0.25)]
     ran = toposeam("motif", "--palettes")
-    assert ran.out.splitlines()[0].split() == ["spring", *ts.PALETTES["spring"]]
+    assert ran.out.splitlines()[0].split() == ["spring", *ts.motif.PALETTES["spring"]]
 
 
 def test_half_drops_are_rules_and_layouts(made, toposeam):

@@ -27,7 +27,7 @@ def test_the_way_of_the_library_is_written_as_svg(ground, toposeam):
     found = ts.plan_path(cost, (5, 10), (54, 12))
     assert ran.out.startswith("5,10 to 54,12: ")
     assert f"{found.length:.1f} px" in ran.out
-    drawn = ts.read_svg((ground / "way.svg").read_text())
+    drawn = ts.vector.read_svg((ground / "way.svg").read_text())
     np.testing.assert_allclose(drawn.polylines[0].points, found.paths[0].points)
 
 

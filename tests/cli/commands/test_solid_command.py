@@ -22,8 +22,8 @@ def test_a_solid_is_the_one_of_the_library_and_in_millimetres(folder, toposeam):
     )
     assert ran.code == 0
     assert ran.out.startswith("vase.stl: a block of 80 × 80 × 80 mm, ")
-    recipe = ts.random_recipe(16, layers=1, iterations=8, mass=0.15, repeat="p4m", seed=3)
-    mesh = ts.generate_solid(recipe, 16).mesh(5.0)
+    recipe = ts.motif.random_recipe(16, layers=1, iterations=8, mass=0.15, repeat="p4m", seed=3)
+    mesh = ts.solid.generate_solid(recipe, 16).mesh(5.0)
     found = corners(folder / "vase.stl")
     np.testing.assert_array_equal(found, mesh.vertices[:, ::-1][mesh.faces])
     assert found.min() >= 0

@@ -144,10 +144,10 @@ def test_pictures_of_one_row_are_joined(folder, toposeam, photographs):
     )
     assert toposeam(*line).code == 0
     assert_joined("out.png", "labels.png", "c.png", "d.png", (36, 0))
-    assert ts.read_svg("seam.svg").polylines[0].length == 1
+    assert ts.vector.read_svg("seam.svg").polylines[0].length == 1
 
 
-@pytest.mark.parametrize("method", ts.METHODS)
+@pytest.mark.parametrize("method", ts.seam.METHODS)
 def test_every_method_joins(folder, toposeam, method):
     if method == "graph-cut":
         pytest.importorskip("maxflow")
@@ -163,7 +163,7 @@ def test_the_thesis_as_it_is_written(folder, toposeam):
     for plain in ((), ("--plain",)):
         ran = toposeam(*line, *plain)
         assert (ran.code, ran.err) == (0, "")
-        found[plain] = ts.read_svg("seam.svg").metadata
+        found[plain] = ts.vector.read_svg("seam.svg").metadata
     assert found[()]["asymptotes"] == "curvature"
     assert found["--plain",]["asymptotes"] == "moving"
     assert found["--plain",]["first_penalty"] == 3
@@ -190,11 +190,11 @@ def test_the_thesis_has_two_formulations(folder, toposeam):
         assert_joined(f"{formulation}.png", "labels.png", "a.png", "b.png", (36, 0))
 
 
-@pytest.mark.parametrize("law", [None, *ts.LAWS])
+@pytest.mark.parametrize("law", [None, *ts.seam.LAWS])
 def test_cost_chooses_the_law(folder, toposeam, photographs, law):
     ran = toposeam("stitch", *STRIP, "-o", "out.png", "--json", *([] if law is None else ["--cost", law]))
     layers = [ts.Layer(image=photographs[0]), ts.Layer(image=photographs[1], at=(36, 0))]
-    stitched = ts.stitch(layers, cost=ts.MatchCost(law=law or "natural"))
+    stitched = ts.stitch(layers, cost=ts.seam.MatchCost(law=law or "natural"))
     assert json.loads(ran.out)["cost"] == stitched.seams[0].cost
     np.testing.assert_array_equal(read_picture("out.png").pixels, stitched.image)
 
@@ -247,7 +247,7 @@ def test_a_written_seam_used_again_gives_the_same_bytes(folder, toposeam, where)
     assert ran.code == 0
     assert "by path" in ran.out
     assert (folder / "first.png").read_bytes() == (folder / "again.png").read_bytes()
-    first, again = ts.read_svg("first.svg"), ts.read_svg("again.svg")
+    first, again = ts.vector.read_svg("first.svg"), ts.vector.read_svg("again.svg")
     assert [line.points.tolist() for line in first.polylines] == [
         line.points.tolist() for line in again.polylines
     ]
@@ -258,7 +258,7 @@ def test_a_closed_seam_survives_the_round_trip(folder, toposeam, photographs):
     write_picture("inner.png", Picture(pixels=photographs[0][5:29, 3:40][::-1]))
     line = ("stitch", "a.png", "inner.png", "--offset", "9,8")
     assert toposeam(*line, "-o", "first.png", "--seam", "seam.svg").code == 0
-    assert ts.read_svg("seam.svg").polylines[0].closed
+    assert ts.vector.read_svg("seam.svg").polylines[0].closed
     assert toposeam(*line, "-o", "again.png", "--use-seam", "seam.svg").code == 0
     assert (folder / "first.png").read_bytes() == (folder / "again.png").read_bytes()
 
@@ -286,4 +286,4 @@ def test_one_command_may_write_back_to_the_path_it_uses(folder, toposeam):
         ).code
         == 0
     )
-    assert ts.read_svg("seam.svg").metadata["method"] == "path"
+    assert ts.vector.read_svg("seam.svg").metadata["method"] == "path"

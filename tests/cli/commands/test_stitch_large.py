@@ -76,7 +76,9 @@ def test_what_is_written_is_what_it_is_in_memory(three, toposeam, options, monke
         if picture.alpha is not None:
             np.testing.assert_array_equal(again.alpha, picture.alpha)
         assert again.resolution == picture.resolution
-    seams, seams_before = (ts.read_svg(text) for text in ((three / "s.svg").read_bytes(), before["s.svg"]))
+    seams, seams_before = (
+        ts.vector.read_svg(text) for text in ((three / "s.svg").read_bytes(), before["s.svg"])
+    )
     assert seams.names == seams_before.names
     for line, other in zip(seams.polylines, seams_before.polylines, strict=True):
         np.testing.assert_array_equal(line.points, other.points)

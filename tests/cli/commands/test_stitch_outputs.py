@@ -103,7 +103,7 @@ def test_the_thesis_has_a_history_too(folder, toposeam, where):
     assert height > 400
 
 
-@pytest.mark.parametrize("method", ts.METHODS)
+@pytest.mark.parametrize("method", ts.seam.METHODS)
 def test_json_tells_what_was_found(folder, toposeam, method):
     if method == "graph-cut":
         pytest.importorskip("maxflow")
@@ -148,7 +148,7 @@ def test_one_line_tells_a_person_what_was_made(folder, toposeam):
 
 
 def test_a_seam_that_did_not_settle_says_so(folder, toposeam, monkeypatch):
-    monkeypatch.setitem(ts.ThesisOptions.__init__.__kwdefaults__, "max_iterations", 2)
+    monkeypatch.setitem(ts.seam.ThesisOptions.__init__.__kwdefaults__, "max_iterations", 2)
     ran = toposeam("stitch", *STRIP, "--method", "thesis", "-o", "out.png", "--labels", "labels.png")
     assert ran.code == 0
     assert "did not settle" in ran.out

@@ -13,7 +13,7 @@ from toposeam_cli.figures.frames import film_frame
 from toposeam_cli.figures.history import _curves, history_figure
 
 
-def found(shape: tuple[int, int], side: ts.Side = "right", **options) -> ts.Seam:
+def found(shape: tuple[int, int], side: ts.typing.Side = "right", **options) -> ts.seam.Seam:
     a, b = np.random.default_rng(1).random((2, *shape))
     return ts.find_seam(a, b, side=side, record_frames=True, **options)
 
@@ -49,7 +49,7 @@ def test_every_format_is_written_the_same_each_time(method, suffix, start):
 
 
 def test_a_frame_shows_the_dense_interfaces_and_no_others():
-    frame = ts.Frame(
+    frame = ts.optimize.Frame(
         iteration=1, stage=1, right=np.zeros((4, 4), np.float32), down=np.zeros((3, 5), np.float32)
     )
     empty = film_frame(frame)
@@ -67,7 +67,7 @@ def test_the_film_strip_stands_in_the_middle(shape):
 
 
 def test_a_shared_pixel_is_on_paper_with_the_corners_round_it():
-    frame = ts.Frame(
+    frame = ts.optimize.Frame(
         iteration=1, stage=1, right=np.zeros((4, 4), np.float32), down=np.zeros((3, 5), np.float32)
     )
     shared = np.zeros((4, 5), bool)

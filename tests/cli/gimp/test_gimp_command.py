@@ -248,9 +248,10 @@ def test_a_failed_installation_keeps_the_old_plug_in(home, monkeypatch):
 
 
 def test_the_zip_has_one_folder_whose_main_file_is_executable(tmp_path):
-    target = tmp_path / "plug-in.zip"
+    target, wheel = tmp_path / "plug-in.zip", tmp_path / "toposeam-0-py3-none-any.whl"
+    wheel.write_bytes(b"wheel")
     subprocess.run(
-        [sys.executable, str(CHECKOUT / "plugin_gimp" / "make_zip.py"), str(target)],
+        [sys.executable, str(CHECKOUT / "plugin_gimp" / "make_zip.py"), str(target), str(wheel)],
         check=True,
         capture_output=True,
     )
@@ -260,6 +261,7 @@ def test_the_zip_has_one_folder_whose_main_file_is_executable(tmp_path):
     assert rights["toposeam_gimp/toposeam_gimp.py"] == 0o755
     assert rights["toposeam_gimp/actions/seams.py"] == 0o644
     assert rights["toposeam_gimp/pictures/rule-p4m.png"] == 0o644
+    assert {"toposeam_gimp/GUIDE.txt", f"toposeam_gimp/wheel/{wheel.name}"} <= set(rights)
     assert not any(name.endswith((".pyc", "engine.json")) for name in rights)
 
 

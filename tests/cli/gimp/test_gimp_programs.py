@@ -163,4 +163,6 @@ def test_an_environment_that_cannot_be_made_is_one_sentence(home, tmp_path, monk
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "letter.txt").touch()
     assert "holds something else" in run("install", "--venv", tmp_path / "full", code=1)
+    (tmp_path / "file").touch()
+    assert "is a file; name a folder" in run("install", "--venv", tmp_path / "file", code=1)
     assert "give one of them" in run("install", "--venv", tmp_path / "x", "--python", sys.executable, code=1)

@@ -5,6 +5,7 @@ import itertools
 
 import numpy as np
 import pytest
+from PIL import Image
 from skimage import data, feature
 from threadpoolctl import threadpool_info, threadpool_limits
 
@@ -205,3 +206,12 @@ def test_a_large_unrelated_group_is_named_in_part():
         placing._check_joined(
             pictures[:20], {pair: None for pair in matches if pair[1] < 20}, np.ones(20), 0.5
         )
+
+
+def test_arrays_are_pictures_named_by_number():
+    whole = data.camera()[100:260, :300]
+    found = ts.find_places([whole[:, :180], Image.fromarray(whole[:, 120:])])
+    assert [(layer.at, layer.name) for layer in found.layers] == [
+        ((0, 0), "picture 1"),
+        ((120, 0), "picture 2"),
+    ]

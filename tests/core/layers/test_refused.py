@@ -16,6 +16,9 @@ def clear(layer):
 
 ERRORS = {
     "no layer": (lambda: ts.stitch([]), ts.OptionError, "at least two"),
+    "a number": (lambda: ts.stitch(3), ts.OptionError, "say where it lies"),
+    "numbers": (lambda: ts.stitch([3, 4]), ts.OptionError, "say where it lies"),
+    "no sequence": (lambda: ts.find_places(2.5), ts.OptionError, "pass"),
     "one layer": (lambda: ts.stitch([crop(0, 0)]), ts.OptionError, "at least two"),
     "apart": (lambda: ts.stitch([crop(0, 0), crop(100, 0)]), ts.OverlapError, "move one of them"),
     "side by side": (lambda: ts.stitch([crop(0, 0), crop(40, 0)]), ts.OverlapError, "move one of them"),
@@ -60,12 +63,12 @@ ERRORS = {
         "more than 0.001 megapixels",
     ),
     "limit is a word": (
-        lambda: ts.common_canvas([crop(0, 0)], max_megapixels="x"),
+        lambda: ts.layers.common_canvas([crop(0, 0)], max_megapixels="x"),
         ts.OptionError,
         "max_megapixels is 'x'; it must be a positive number",
     ),
     "limit is nothing": (
-        lambda: ts.common_canvas([crop(0, 0)], max_megapixels=0),
+        lambda: ts.layers.common_canvas([crop(0, 0)], max_megapixels=0),
         ts.OptionError,
         "max_megapixels is 0",
     ),
@@ -92,7 +95,7 @@ ERRORS = {
         "does not know patience",
     ),
     "path": (
-        lambda: ts.stitch([crop(0, 0), crop(25, 0), crop(50, 0)], use_path=ts.read_svg(SVG)),
+        lambda: ts.stitch([crop(0, 0), crop(25, 0), crop(50, 0)], use_path=ts.vector.read_svg(SVG)),
         ts.OptionError,
         "say between which two it runs",
     ),
@@ -102,7 +105,7 @@ ERRORS = {
         "pass an SvgSeam, or one for each pair of layers",
     ),
     "path elsewhere": (
-        lambda: ts.stitch([crop(0, 0), crop(20, 0)], use_path=ts.read_svg(SVG)),
+        lambda: ts.stitch([crop(0, 0), crop(20, 0)], use_path=ts.vector.read_svg(SVG)),
         ts.PathError,
         "9 × 9",
     ),
@@ -112,21 +115,21 @@ ERRORS = {
         r"layer 1 is of type ndarray; say where it lies, as toposeam.Layer\(image, at=\(x, y\)\)",
     ),
     "alone": (lambda: ts.stitch([crop(0, 0)]), ts.OptionError, "1 layer was given"),
-    "not a list": (lambda: ts.match_tones(crop(0, 0)), ts.OptionError, "1 layer was given"),
+    "not a list": (lambda: ts.layers.match_tones(crop(0, 0)), ts.OptionError, "1 layer was given"),
     "no image": (lambda: ts.Layer("a.png"), ts.ImageError, "type str"),
     "beyond": (lambda: ts.Layer(np.zeros((4, 5)), at=(2**31, 0)), ts.OptionError, "beyond"),
     "gradient and cost": (
-        lambda: ts.stitch([crop(0, 0), crop(20, 0)], cost=ts.MatchCost(), gradient=False),
+        lambda: ts.stitch([crop(0, 0), crop(20, 0)], cost=ts.seam.MatchCost(), gradient=False),
         ts.OptionError,
         "leave gradient out",
     ),
     "two ways": (
-        lambda: ts.stitch([crop(0, 0), crop(20, 0)], options=ts.HeatOptions(), tolerance=0.1),
+        lambda: ts.stitch([crop(0, 0), crop(20, 0)], options=ts.seam.HeatOptions(), tolerance=0.1),
         ts.OptionError,
         "tolerance was given beside options",
     ),
     "other options": (
-        lambda: ts.stitch([crop(0, 0), crop(20, 0)], options=ts.ThesisOptions()),
+        lambda: ts.stitch([crop(0, 0), crop(20, 0)], options=ts.seam.ThesisOptions()),
         ts.OptionError,
         "takes HeatOptions",
     ),

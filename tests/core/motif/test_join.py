@@ -15,13 +15,15 @@ SIZE = 48
 
 def _recipes(seeds=(1, 2), size=SIZE):
     return [
-        ts.random_recipe(size, layers=1, seed=seed, repeat="translate", palette="botanic", iterations=24)
+        ts.motif.random_recipe(
+            size, layers=1, seed=seed, repeat="translate", palette="botanic", iterations=24
+        )
         for seed in seeds
     ]
 
 
 def _joined(weight, stages=1, shared=0, seeds=(1, 2), size=SIZE):
-    return ts.join_motifs(_recipes(seeds, size), weight=weight, stages=stages, shared=shared)
+    return ts.motif.join_motifs(_recipes(seeds, size), weight=weight, stages=stages, shared=shared)
 
 
 def test_without_weight_each_motif_is_what_it_is_alone():
@@ -35,7 +37,7 @@ def test_motifs_join_better_the_more_the_compound_weighs():
     apart, together = _joined(0.0), _joined(0.5)
     assert together.mismatch() < 0.7 * apart.mismatch()
     own = [
-        np.mean([ts.border_mismatch(m, m) for m in joined.motifs])
+        np.mean([ts.motif.border_mismatch(m, m) for m in joined.motifs])
         for joined in (apart, together, _joined(1.0))
     ]
     assert own[0] < own[1] < own[2]  # and each itself the worse (Figure 4.7)
@@ -46,7 +48,7 @@ def test_border_mismatch_is_the_ratio_of_outer_to_inner_steps():
     columns = {"a": [0.0, 0.1, 0.2, 0.25], "b": [0.5, 0.8, 0.9, 0.7]}
     motifs = {}
     for name, values in columns.items():
-        recipe = ts.random_recipe(8, layers=1, repeat="translate", seed=1, iterations=1)
+        recipe = ts.motif.random_recipe(8, layers=1, repeat="translate", seed=1, iterations=1)
         density = np.tile(np.array(values, np.float32), (4, 1))[None]
         motifs[name] = dataclasses.replace(ts.generate_motif(recipe), densities=density)
     a, b = motifs["a"], motifs["b"]
@@ -55,7 +57,7 @@ def test_border_mismatch_is_the_ratio_of_outer_to_inner_steps():
     across = (0.25 + between + 0.7 + between) / 4
     # beside a|b: 0.25 - 0.2 in a, 0.8 - 0.5 in b; beside b|a: 0.7 - 0.9 in b, 0.1 in a; rows do not change
     within = (0.05 + 0.3 + 0 + 0 + 0.2 + 0.1 + 0 + 0) / 8
-    assert ts.border_mismatch(a, b) == pytest.approx(across / within, rel=1e-5)
+    assert ts.motif.border_mismatch(a, b) == pytest.approx(across / within, rel=1e-5)
 
 
 @pytest.mark.slow
@@ -83,7 +85,7 @@ def test_a_shared_border_joins_any_motif_to_any():
     for other in motifs[1:]:
         for side in (np.s_[:, 0], np.s_[:, -1], np.s_[:, :, 0], np.s_[:, :, -1]):
             assert np.array_equal(motifs[0].densities[side], other.densities[side])
-        assert ts.border_mismatch(motifs[0], other) < 1.5
+        assert ts.motif.border_mismatch(motifs[0], other) < 1.5
 
 
 @pytest.mark.medium
@@ -95,10 +97,10 @@ def test_every_motif_keeps_its_mass(shared):
 
 def test_borders_share_three_hundredths_of_the_shorter_side():
     recipes = [dataclasses.replace(recipe, iterations=2) for recipe in _recipes(size=(64, 70))]
-    given, by_itself = (ts.join_motifs(recipes, **more).motifs for more in ({"shared": 2}, {}))
+    given, by_itself = (ts.motif.join_motifs(recipes, **more).motifs for more in ({"shared": 2}, {}))
     for one, other in zip(given, by_itself, strict=True):
         np.testing.assert_array_equal(one.densities, other.densities)
-    other = ts.join_motifs(recipes, shared=1).motifs
+    other = ts.motif.join_motifs(recipes, shared=1).motifs
     assert any((one.densities != two.densities).any() for one, two in zip(given, other, strict=True))
 
 
@@ -109,12 +111,12 @@ def test_an_arrangement_puts_motifs_where_the_grid_says():
         )
         for recipe in _recipes()
     ]
-    motifs = ts.join_motifs(recipes, weight=0.0, shared=0).motifs
-    image = ts.arrange(motifs, [[0, 1, 1], [1, 0, 0]]).image()
+    motifs = ts.motif.join_motifs(recipes, weight=0.0, shared=0).motifs
+    image = ts.motif.arrange(motifs, [[0, 1, 1], [1, 0, 0]]).image()
     assert np.array_equal(image[:SIZE, SIZE : 2 * SIZE], motifs[1].image())
     assert np.array_equal(image[SIZE:, :SIZE], motifs[1].image())
     assert np.array_equal(image[SIZE:, 2 * SIZE :], motifs[0].image())
-    laid = ts.arrange(motifs, (2, 3), seed=4)
+    laid = ts.motif.arrange(motifs, (2, 3), seed=4)
     assert repr(laid) == "Arrangement(3 × 2 places of 2 motifs)"
     assert laid.image((40, 90)).shape == (40, 90, 3)
     assert laid.record["arrangement"]["grid"] == laid.grid.tolist()
@@ -132,9 +134,9 @@ def test_a_motif_is_printed_alike_at_any_place_and_count(edge):
         )
         for recipe, mass in zip(_recipes(), (0.12, 0.4), strict=True)
     ]
-    motifs = ts.join_motifs(recipes, weight=0.0, shared=0).motifs
+    motifs = ts.motif.join_motifs(recipes, weight=0.0, shared=0).motifs
     inside = np.s_[:, 4 : SIZE - 4, 4 : SIZE - 4]
-    few, many = (ts.arrange(motifs, [row]) for row in ([0, 1, 1, 1, 1], [0, 0, 0, 0, 1]))
+    few, many = (ts.motif.arrange(motifs, [row]) for row in ([0, 1, 1, 1, 1], [0, 0, 0, 0, 1]))
     np.testing.assert_allclose(few.coverage()[inside], many.coverage()[inside], atol=1e-4)
     assert [few.ends(0)] == [many.ends(0)]
     assert few.ends(0)[0] != motifs[0].ends(0)[0]
@@ -146,14 +148,14 @@ def test_a_motif_is_printed_alike_at_any_place_and_count(edge):
 def test_wash_beside_strokes_is_wash_and_strokes_are_strokes(shared):
     """By the level at which strokes end wash would be crumbs, and by its haze strokes would be a blur."""
     recipes = [
-        ts.random_recipe(
+        ts.motif.random_recipe(
             64, seed=seed, layers=1, repeat="translate", palette="sumi", iterations=15, penalty=penalty
         )
         for seed, penalty in ((5, 3.0), (8, 1.0))
     ]
-    motifs = ts.join_motifs(recipes, shared=shared).motifs
+    motifs = ts.motif.join_motifs(recipes, shared=shared).motifs
     assert [motif.edges for motif in motifs] == [("crisp",), ("soft",)]
-    laid = ts.arrange(motifs, [[0, 1], [1, 0]])
+    laid = ts.motif.arrange(motifs, [[0, 1], [1, 0]])
     assert laid.edges == ("soft",)
     size, cell = (512, 512), 256
     (print_,) = laid.coverage(size)
@@ -166,7 +168,7 @@ def test_wash_beside_strokes_is_wash_and_strokes_are_strokes(shared):
         alone = motif.coverage((cell, cell))[0][away, away]
         assert np.abs(part - alone).mean() < 0.01
     # Whichever comes first.
-    other = ts.arrange(motifs[::-1], [[1, 0], [0, 1]])
+    other = ts.motif.arrange(motifs[::-1], [[1, 0], [0, 1]])
     assert np.abs(other.coverage(size)[0] - print_).max() < 1e-5
     if shared is None:  # nothing steps between them
         across = np.abs(np.diff(print_, axis=1)).mean(axis=0)
@@ -175,35 +177,40 @@ def test_wash_beside_strokes_is_wash_and_strokes_are_strokes(shared):
 
 
 def test_random_neighbours_keep_within_reach():
-    grid = ts.random_arrangement((20, 30), 7, seed=1, reach=1)
+    grid = ts.motif.random_arrangement((20, 30), 7, seed=1, reach=1)
     assert np.abs(np.diff(grid, axis=0)).max() == 1
     assert np.abs(np.diff(grid, axis=1)).max() == 1
     assert np.unique(grid).size > 3
-    assert np.array_equal(grid, ts.random_arrangement((20, 30), 7, seed=1, reach=1))
+    assert np.array_equal(grid, ts.motif.random_arrangement((20, 30), 7, seed=1, reach=1))
 
 
 def test_what_cannot_be_joined_is_refused_in_one_sentence():
     one, two = _recipes()
-    other = ts.random_recipe(SIZE, layers=1, seed=2, repeat="translate", palette="plum", iterations=24)
+    other = ts.motif.random_recipe(SIZE, layers=1, seed=2, repeat="translate", palette="plum", iterations=24)
     for recipes, options, text in [
         ([one], {}, "two motifs"),
         ([one, other], {}, "paper"),
         (
-            [one, ts.random_recipe(SIZE + 2, layers=1, repeat="translate", palette="botanic", iterations=24)],
+            [
+                one,
+                ts.motif.random_recipe(
+                    SIZE + 2, layers=1, repeat="translate", palette="botanic", iterations=24
+                ),
+            ],
             {},
             "size",
         ),
-        ([ts.random_recipe(SIZE, layers=1), one], {}, "repeat"),
+        ([ts.motif.random_recipe(SIZE, layers=1), one], {}, "repeat"),
         ([one, two], {"weight": 1.5}, "weight"),
         ([one, two], {"stages": 0}, "stages"),
         ([one, two], {"shared": -1}, "shared"),
     ]:
         with pytest.raises(ts.OptionError, match=text):
-            ts.join_motifs(recipes, **options)
+            ts.motif.join_motifs(recipes, **options)
     motifs = _joined(0.0).motifs
     for arrangement in ([[0, 2]], [[0.5]], (0, 3), []):
         with pytest.raises(ts.OptionError):
-            ts.arrange(motifs, arrangement)
+            ts.motif.arrange(motifs, arrangement)
 
 
 def test_members_begin_as_blends_of_the_fixed_ones_beside_them():

@@ -21,7 +21,7 @@ def _quick(**options):
 
 def test_a_recipe_makes_the_same_bytes_again():
     motif = _quick(repeat="translate", seed=3)
-    again = ts.generate_motif(ts.Recipe.from_dict(json.loads(json.dumps(motif.recipe.to_dict()))))
+    again = ts.generate_motif(ts.motif.Recipe.from_dict(json.loads(json.dumps(motif.recipe.to_dict()))))
     assert motif.densities.tobytes() == again.densities.tobytes()
     assert motif.recipe == again.recipe
     assert np.array_equal(motif.image(), again.image())
@@ -39,17 +39,17 @@ def test_densities_and_colours_are_what_the_contract_says():
 
 
 def test_giving_one_parameter_leaves_the_random_others():
-    plain, heavier = ts.random_recipe(64, seed=5), ts.random_recipe(64, seed=5, mass=0.5)
+    plain, heavier = ts.motif.random_recipe(64, seed=5), ts.motif.random_recipe(64, seed=5, mass=0.5)
     assert [layer.sources for layer in plain.layers] == [layer.sources for layer in heavier.layers]
     assert [layer.sinks for layer in plain.layers] == [layer.sinks for layer in heavier.layers]
     assert plain.paper == heavier.paper
 
 
-@pytest.mark.parametrize("repeat", [r for r in ts.REPEATS if r != "none"])
+@pytest.mark.parametrize("repeat", [r for r in ts.motif.REPEATS if r != "none"])
 def test_patterns_of_every_rule_have_its_size(repeat):
     motif = _quick(size=24, layers=1, repeat=repeat, iterations=3)
     rows = 42 if repeat in HEXAGONAL else 24
-    assert ts.repeat_densities(motif, (2, 3)).shape == (1, 2 * rows, 72)
+    assert ts.motif.repeat_densities(motif, (2, 3)).shape == (1, 2 * rows, 72)
     assert ts.repeat(motif, (2, 3), size=(30, 30)).shape == (60, 90, 3)
 
 
@@ -86,13 +86,13 @@ def test_progress_counts_every_iteration():
 def test_seeds_count_from_0():
     recipe = ts.generate_motif(16, layers=1, iterations=2).recipe
     assert recipe == ts.generate_motif(16, layers=1, iterations=2, seed=0).recipe
-    assert recipe.seed == ts.random_recipe(16).seed == 0
+    assert recipe.seed == ts.motif.random_recipe(16).seed == 0
 
 
 def test_a_generator_seeds_a_motif_that_can_be_made_again():
-    recipe = ts.random_recipe(48, seed=np.random.default_rng(4))
-    assert ts.random_recipe(48, seed=recipe.seed) == recipe
-    assert ts.random_recipe(48, seed=None) != ts.random_recipe(48, seed=None)
+    recipe = ts.motif.random_recipe(48, seed=np.random.default_rng(4))
+    assert ts.motif.random_recipe(48, seed=recipe.seed) == recipe
+    assert ts.motif.random_recipe(48, seed=None) != ts.motif.random_recipe(48, seed=None)
 
 
 def test_motifs_show_themselves(tmp_path):
@@ -100,44 +100,44 @@ def test_motifs_show_themselves(tmp_path):
     assert repr(motif) == "Motif(2 inks on 48 × 48 elements, repeat='pm', seed=3)"
     assert motif._repr_png_()[:8] == b"\x89PNG\r\n\x1a\n"
     document = motif.to_svg(tmp_path / "m.svg", counts=(2, 3))
-    assert (tmp_path / "m.svg").read_text() == document == ts.draw_svg(motif, (2, 3))
+    assert (tmp_path / "m.svg").read_text() == document == ts.motif.draw_svg(motif, (2, 3))
     assert 'viewBox="0 0 144 96"' in document
 
 
 def test_variation_moves_ambient_heat_into_its_range():
-    recipe = ts.random_recipe(48, seed=1, ambient=1.0)
-    moved = [layer.ambient for layer in ts.vary(recipe, amount=0.5, seed=2).layers]
+    recipe = ts.motif.random_recipe(48, seed=1, ambient=1.0)
+    moved = [layer.ambient for layer in ts.motif.vary(recipe, amount=0.5, seed=2).layers]
     assert all(0.5 * 1.0 + 0.5 * 0.2 <= value <= 0.5 * 1.0 + 0.5 * 0.9 for value in moved)
     assert len(set(moved)) == len(moved)
-    far = [layer.ambient for layer in ts.vary(recipe, amount=1.0, seed=2).layers]
+    far = [layer.ambient for layer in ts.motif.vary(recipe, amount=1.0, seed=2).layers]
     assert all(0.2 <= value <= 0.9 for value in far)
-    none = ts.random_recipe(48, seed=1, ambient=0.0)
-    assert [layer.ambient for layer in ts.vary(none, amount=1.0, seed=2).layers] == [0.0] * 3
+    none = ts.motif.random_recipe(48, seed=1, ambient=0.0)
+    assert [layer.ambient for layer in ts.motif.vary(none, amount=1.0, seed=2).layers] == [0.0] * 3
 
 
 def test_named_palettes_and_those_of_pictures():
-    for name in ts.PALETTES:
-        palette = ts.palette(name, 3)
+    for name in ts.motif.PALETTES:
+        palette = ts.motif.palette(name, 3)
         assert palette.inks.shape == (3, 3)
         assert palette.paper.mean() > 0.85
     picture = np.zeros((20, 40, 3), np.uint8)
     picture[:, :20], picture[:, 20:32], picture[:, 32:] = (250, 250, 250), (200, 30, 30), (20, 60, 160)
-    palette = ts.palette(picture, 2)
+    palette = ts.motif.palette(picture, 2)
     assert palette.paper * 255 == pytest.approx(np.full(3, 250.0))
     assert (palette.paper * palette.inks) * 255 == pytest.approx(
         np.array([[200.0, 30, 30], [20, 60, 160]]), abs=1
     )
 
 
-@pytest.mark.parametrize("name", ts.PALETTES)
+@pytest.mark.parametrize("name", ts.motif.PALETTES)
 def test_palettes_have_inks_for_as_many_layers_as_there_are(name):
-    six, all_of_them = ts.palette(name, 6).inks, ts.palette(name, 16).inks
+    six, all_of_them = ts.motif.palette(name, 6).inks, ts.motif.palette(name, 16).inks
     np.testing.assert_array_equal(all_of_them[:6], six)  # further ones change nothing of these
     apart = np.linalg.norm(all_of_them[:, np.newaxis] - all_of_them, axis=2) + np.eye(16)
     assert apart.min() > 0.03
-    assert len(ts.random_recipe(16, layers=16, seed=5).layers) == 16
+    assert len(ts.motif.random_recipe(16, layers=16, seed=5).layers) == 16
     with pytest.raises(ts.OptionError, match="21 inks with their mixtures, 22"):
-        ts.palette(name, 22)
+        ts.motif.palette(name, 22)
 
 
 SPOT = [(0.5, 0.5)]
@@ -223,10 +223,10 @@ def test_bad_options_are_refused_in_one_sentence(options, text):
     ],
 )
 def test_damaged_recipes_are_refused_in_one_sentence(change):
-    record = ts.random_recipe(48).to_dict()
+    record = ts.motif.random_recipe(48).to_dict()
     record.update(change)
     with pytest.raises(ts.TopoSeamError) as caught:
-        ts.Recipe.from_dict(record)
+        ts.motif.Recipe.from_dict(record)
     assert "\n" not in str(caught.value)
 
 
@@ -250,7 +250,7 @@ def test_places_keep_out_of_what_a_base_image_blocks(axis):
 
 
 def test_random_layers_are_strokes_or_washes():
-    drawn = [layer.penalty for seed in range(40) for layer in ts.random_recipe(16, seed=seed).layers]
+    drawn = [layer.penalty for seed in range(40) for layer in ts.motif.random_recipe(16, seed=seed).layers]
     washes = [value for value in drawn if value != 3.0]
     assert all(1.0 <= value <= 1.3 for value in washes)
     assert 5 <= len(washes) <= 40  # 15 % of 120

@@ -102,7 +102,7 @@ def test_results_show_themselves():
     found = ts.plan_path((20, 30), [(2, 2), (2, 17)], (27, 10))
     assert repr(found).startswith("PlannedPath(2 ways of ")
     assert "\n" not in repr(found)
-    drawn = ts.read_svg(found.to_svg())
+    drawn = ts.vector.read_svg(found.to_svg())
     assert (drawn.width, drawn.height) == (30, 20)
     assert [line.points.tolist() for line in drawn.polylines] == [
         line.points.tolist() for line in found.paths
@@ -118,7 +118,7 @@ def test_several_sources_share_a_sink():
 
 
 def test_the_mass_bound_falls_as_the_thesis_has_it():
-    options = ts.PathOptions()
+    options = ts.path.PathOptions()
     found = ts.plan_path((40, 60), (4, 5), (52, 30), options=options)
     least = options.stroke_px * np.hypot(48, 25)
     for n, record in enumerate(found.history, 1):
@@ -255,7 +255,7 @@ def test_a_long_line_is_drawn_taut_between_some_of_its_points():
         ({"sinks": []}, ts.OptionError, "no sink"),
         ({"gather": 1.5}, ts.OptionError, "gather"),
         ({"p": 3}, ts.OptionError, "does not know p"),
-        ({"options": ts.PathOptions(), "penalty": 2}, ts.OptionError, "beside options"),
+        ({"options": ts.path.PathOptions(), "penalty": 2}, ts.OptionError, "beside options"),
         ({"sources": (35, 30)}, ts.PathError, "part the point"),
         ({"stopovers": [(5, 5)]}, ts.OptionError, "leave one out"),
         ({"stopovers": [(9, 9)], "sinks": [(20, 2), (2, 20)]}, ts.OptionError, "one by one"),

@@ -44,7 +44,7 @@ def test_heat_replaces_a_path_above_its_memory_limit(crops, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "options", [{"tolerance": 0.01}, {"options": ts.HeatOptions()}, {"record_frames": True}]
+    "options", [{"tolerance": 0.01}, {"options": ts.seam.HeatOptions()}, {"record_frames": True}]
 )
 def test_what_only_heat_gives_chooses_heat(options, crops):
     seam = ts.find_seam(*posed(None, crops), **options)
@@ -55,7 +55,7 @@ def test_what_only_heat_gives_chooses_heat(options, crops):
 
 def test_options_of_the_thesis_do_not_choose_it(crops):
     with pytest.raises(ts.OptionError, match="takes HeatOptions"):
-        ts.find_seam(*posed(None, crops), options=ts.ThesisOptions())
+        ts.find_seam(*posed(None, crops), options=ts.seam.ThesisOptions())
 
 
 @pytest.mark.parametrize("shape", [None, "ring"])
@@ -76,6 +76,6 @@ def test_heat_heats_whatever_the_shape(crops):
 
 def test_its_law_is_that_of_the_other_methods(crops):
     given = posed(None, crops)
-    laws = {method: ts.find_seam(*given, method=method).settings["law"] for method in ts.METHODS}
+    laws = {method: ts.find_seam(*given, method=method).settings["law"] for method in ts.seam.METHODS}
     assert laws.pop("thesis") == "gradient"
     assert set(laws.values()) == {"natural"}

@@ -43,7 +43,7 @@ def test_a_planted_seam_that_turns_back_is_recovered(method):
     assert (seam.labels != labels).mean() < 0.02
 
 
-@pytest.mark.parametrize("method", ts.METHODS)
+@pytest.mark.parametrize("method", ts.seam.METHODS)
 def test_swapping_the_patches_and_sides_mirrors_the_labels(method, crops):
     a, b = crops(np.random.default_rng(6), 40, 16)
     seam = ts.find_seam(a, b, method=method)
@@ -52,7 +52,7 @@ def test_swapping_the_patches_and_sides_mirrors_the_labels(method, crops):
     assert (swapped.labels == ~seam.labels).mean() > 0.98
 
 
-@pytest.mark.parametrize("method", ts.METHODS)
+@pytest.mark.parametrize("method", ts.seam.METHODS)
 def test_a_transposed_problem_has_the_transposed_seam(method, crops):
     a, b = crops(np.random.default_rng(7), 40, 16)
     seam = ts.find_seam(a, b, method=method)
@@ -90,7 +90,7 @@ def test_heat_labels_are_connected_to_their_own_ground(crops):
     for seed in range(6):
         a, b = crops(np.random.default_rng(seed), 60, 20)
         seam = ts.find_seam(a, b, method="heat")
-        assert seam.termination == ts.Termination.SINGLE_LINE
+        assert seam.termination == ts.optimize.Termination.SINGLE_LINE
         assert len(seam.paths) == 1
         assert ndimage.label(seam.labels)[1] == ndimage.label(~seam.labels)[1] == 1
 
@@ -226,10 +226,10 @@ def test_gray_with_colour_is_widened():
         ({"max_iterations": 2.5}, "whole number"),
         ({"tolerance": "x"}, "tolerance is 'x'"),
         ({"method": ["heat"]}, "choose one of"),
-        ({"method": "dp", "options": ts.HeatOptions()}, "takes no options"),
-        ({"options": ts.ThesisOptions()}, "takes HeatOptions"),
-        ({"options": ts.HeatOptions(), "tolerance": 0.1}, "beside options"),
-        ({"gradient": False, "cost": ts.MatchCost()}, "gradient and cost"),
+        ({"method": "dp", "options": ts.seam.HeatOptions()}, "takes no options"),
+        ({"options": ts.seam.ThesisOptions()}, "takes HeatOptions"),
+        ({"options": ts.seam.HeatOptions(), "tolerance": 0.1}, "beside options"),
+        ({"gradient": False, "cost": ts.seam.MatchCost()}, "gradient and cost"),
         ({"gradient": "no"}, "gradient"),
         ({"cost": "dear"}, "MatchCost"),
         ({"side": "right", "mask_b": np.ones((20, 10))}, "leave one or the other out"),
@@ -245,7 +245,7 @@ def test_unusable_options_are_refused_in_one_sentence(options, text):
 
 def test_options_may_be_one_value_or_plain_keywords(crops):
     a, b = crops(np.random.default_rng(19), 40, 12)
-    rough = ts.find_seam(a, b, options=ts.HeatOptions(tolerance=0.5))
+    rough = ts.find_seam(a, b, options=ts.seam.HeatOptions(tolerance=0.5))
     assert repr(rough.history) == repr(ts.find_seam(a, b, tolerance=0.5).history)
     assert rough.settings["tolerance"] == 0.5
     assert len(rough.history) < len(ts.find_seam(a, b, method="heat").history)
@@ -256,14 +256,14 @@ def test_heat_stops_once_the_bound_is_within_the_tolerance(tolerance, crops):
     a, b = crops(np.random.default_rng(20), 60, 16)
     seam = ts.find_seam(a, b, tolerance=tolerance)
     exact = ts.find_seam(a, b, method="graph-cut").cost
-    assert seam.termination == ts.Termination.SINGLE_LINE
+    assert seam.termination == ts.optimize.Termination.SINGLE_LINE
     flows = np.array([record.compliance for record in seam.history[:-1]])  # no seam costs less than any
     assert seam.cost <= (1 + tolerance) * flows.max() * (1 + 1e-6)
     assert flows.max() <= exact * (1 + 1e-6)
     # With one step less, nothing so good was known.
     if len(flows) > 1:
         shorter = ts.find_seam(a, b, tolerance=tolerance, max_iterations=len(flows) - 1)
-        assert shorter.termination == ts.Termination.ITERATIONS
+        assert shorter.termination == ts.optimize.Termination.ITERATIONS
         assert shorter.cost > (1 + tolerance) * flows[:-1].max() * (1 - 1e-6)
 
 

@@ -21,7 +21,7 @@ def test_heat_is_within_one_percent_of_optimum_on_200_strips(crops):
             height, width = width, height
         a, b = crops(rng, height, width)
         seam = ts.find_seam(a, b, side="bottom" if index % 2 else "right", method="heat")
-        assert seam.termination == ts.Termination.SINGLE_LINE, index
+        assert seam.termination == ts.optimize.Termination.SINGLE_LINE, index
         assert len(seam.history) <= 100
         assert len(seam.paths) == 1
         ratios.append(seam.optimum_ratio())
@@ -40,7 +40,7 @@ def test_heat_is_within_one_percent_on_100_irregular_overlaps(crops):
         a, b = crops(np.random.default_rng([2, index]), *mask_a.shape)
         seam = ts.find_seam(a, b, mask_a, mask_b, method="heat")
         exact = ts.find_seam(a, b, mask_a, mask_b, method="graph-cut")
-        assert seam.termination == ts.Termination.SINGLE_LINE, index
+        assert seam.termination == ts.optimize.Termination.SINGLE_LINE, index
         assert len(seam.history) <= 100
         assert len(seam.paths) == lines[name]
         ratios.append(seam.cost / exact.cost)

@@ -96,7 +96,7 @@ def test_small_overlaps_are_proven_within_a_thousandth(crops):
         else:
             masks, size = (None, None), (int(rng.integers(40, 100)), int(rng.integers(6, 16)))
         seam = ts.find_seam(*crops(rng, *size), *masks, method="heat")
-        assert seam.termination == ts.Termination.SINGLE_LINE
+        assert seam.termination == ts.optimize.Termination.SINGLE_LINE
         assert len(seam.paths) == 1
         ratios.append(seam.optimum_ratio())
     assert max(ratios) <= 1.001
@@ -118,7 +118,7 @@ def test_arbitrary_masks_weights_and_exclusions_are_proven():
         if index % 3 == 0:
             b = a + 0.1 * (rng.random(shape) > 0.5)
         masks = blob(rng, shape), blob(rng, shape)
-        options = {"cost": ts.MatchCost(length=10 ** rng.uniform(-9, -1), law=ts.LAWS[index % 3])}
+        options = {"cost": ts.seam.MatchCost(length=10 ** rng.uniform(-9, -1), law=ts.seam.LAWS[index % 3])}
         if index % 3:
             options["weight"] = 10 ** rng.uniform(-3, 3, shape)
         if index % 4 == 1:
@@ -128,7 +128,7 @@ def test_arbitrary_masks_weights_and_exclusions_are_proven():
         except ts.OverlapError:
             continue
         exact = ts.find_seam(a, b, *masks, method="graph-cut", **options)
-        assert seam.termination == ts.Termination.SINGLE_LINE, index
+        assert seam.termination == ts.optimize.Termination.SINGLE_LINE, index
         assert len(seam.history) <= 25
         assert seam.cost <= exact.cost * 1.001
         proven += 1

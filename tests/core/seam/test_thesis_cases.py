@@ -16,7 +16,7 @@ from toposeam.seam.thesis.options import ThesisOptions
 BOTH = pytest.mark.parametrize("method", ["heat", "thesis"])
 
 
-def corners(seam: ts.Seam) -> np.ndarray:
+def corners(seam: ts.seam.Seam) -> np.ndarray:
     """Every pixel corner on the seam's one line, from its upper or left end on; (N, 2) x, y."""
     (line,) = seam.paths
     steps = np.diff(line.points, axis=0)
@@ -35,7 +35,7 @@ def wrong(case, seam) -> int:
 def test_the_toy_seam_runs_through_nodes_2_6_7_11_and_15(method):
     seam = toy().find(method)
     assert [4 * y + x + 1 for x, y in corners(seam)] == [2, 6, 7, 11, 15]
-    assert seam.termination == ts.Termination.SINGLE_LINE
+    assert seam.termination == ts.optimize.Termination.SINGLE_LINE
     assert seam.optimum_ratio() == pytest.approx(1.0)
 
 
@@ -44,13 +44,13 @@ def test_with_gradient_the_seam_follows_the_zigzag_edge(method):
     case = zigzag()
     seam = case.find(method)
     assert wrong(case, seam) == 0
-    assert seam.termination == ts.Termination.SINGLE_LINE
+    assert seam.termination == ts.optimize.Termination.SINGLE_LINE
 
 
 @BOTH
 def test_the_seam_without_gradient_is_straight_and_shortest(method):
     case = zigzag()
-    seam = case.find(method, cost=ts.MatchCost(law="colour"))
+    seam = case.find(method, cost=ts.seam.MatchCost(law="colour"))
     line = corners(seam)
     assert len(line) == 81
     assert len(set(line[:, 0])) == 1
@@ -59,7 +59,7 @@ def test_the_seam_without_gradient_is_straight_and_shortest(method):
 @BOTH
 def test_zigzag_patches_join_to_a_plain_picture_by_both_costs(method):
     case = zigzag()
-    for cost in (case.cost, ts.MatchCost(law="colour")):
+    for cost in (case.cost, ts.seam.MatchCost(law="colour")):
         joined = case.joined(case.find(method, cost=cost))
         assert (joined == joined[0, 0]).all()
 
@@ -67,7 +67,7 @@ def test_zigzag_patches_join_to_a_plain_picture_by_both_costs(method):
 def test_the_seam_ignores_the_zigzag_where_plain_ground_is_free():
     # flat = 0, the default: nobody sees a seam through equal pixels.
     case = zigzag()
-    seam = case.find("heat", cost=ts.MatchCost(law="gradient"))
+    seam = case.find("heat", cost=ts.seam.MatchCost(law="gradient"))
     assert len(set(corners(seam)[:, 0])) == 1
 
 
@@ -76,7 +76,7 @@ def test_the_seam_follows_the_shade_round_an_l_shaped_overlap(method):
     case = ell()
     seam = case.find(method)
     assert wrong(case, seam) == 0
-    assert seam.termination == ts.Termination.SINGLE_LINE
+    assert seam.termination == ts.optimize.Termination.SINGLE_LINE
     assert (np.abs(case.joined(seam) - case.a[0, 0]) == 0).all()
 
 

@@ -12,7 +12,9 @@ from toposeam.volume.mesh import closed_mesh
 
 
 def recipe(side=20, **options):
-    return ts.random_recipe(side, **({"layers": 1, "seed": 3, "mass": 0.15, "iterations": 12} | options))
+    return ts.motif.random_recipe(
+        side, **({"layers": 1, "seed": 3, "mass": 0.15, "iterations": 12} | options)
+    )
 
 
 def edges_of(mesh):
@@ -26,7 +28,7 @@ def edges_of(mesh):
 @pytest.mark.medium
 @pytest.mark.parametrize("repeat", REPEATS)
 def test_every_edge_joins_two_faces_in_opposite_directions(repeat):
-    mesh = ts.generate_solid(recipe(repeat=repeat), 20).mesh()
+    mesh = ts.solid.generate_solid(recipe(repeat=repeat), 20).mesh()
     counted = edges_of(mesh)
     assert all(count == 1 and counted[b, a] == 1 for (a, b), count in counted.items())
     assert mesh.closed
@@ -37,11 +39,11 @@ def test_every_edge_joins_two_faces_in_opposite_directions(repeat):
 
 @pytest.mark.medium
 def test_a_mesh_with_a_hole_or_a_turned_face_is_not_closed():
-    mesh = ts.generate_solid(recipe(), 16).mesh()
+    mesh = ts.solid.generate_solid(recipe(), 16).mesh()
     turned = mesh.faces.copy()
     turned[0] = turned[0, ::-1]
-    assert not ts.Mesh(mesh.vertices, mesh.faces[1:]).closed
-    assert not ts.Mesh(mesh.vertices, turned).closed
+    assert not ts.volume.Mesh(mesh.vertices, mesh.faces[1:]).closed
+    assert not ts.volume.Mesh(mesh.vertices, turned).closed
 
 
 def test_a_box_has_its_own_volume_and_area():
@@ -56,7 +58,7 @@ def test_a_box_has_its_own_volume_and_area():
 
 @pytest.mark.medium
 def test_a_solid_stands_on_the_floor_with_the_given_mass():
-    solid = ts.generate_solid(recipe(32, iterations=30), 32)
+    solid = ts.solid.generate_solid(recipe(32, iterations=30), 32)
     pieces, count = ndimage.label(solid.filled, np.ones((3, 3, 3)))
     assert set(np.unique(pieces[0])) >= set(range(1, count + 1))
     assert solid.density.mean() == pytest.approx(0.15, abs=1e-3)
@@ -73,7 +75,7 @@ def test_crumbs_and_what_hangs_in_the_air_are_left_out():
     density[:7, 16:20, 2:6] = 1
     density[:3, 16:19, 16:19] = 1
     density[10:14, 16:20, 16:20] = 1
-    solid = ts.Solid(density=density, recipe=recipe(24), history=())
+    solid = ts.solid.Solid(density=density, recipe=recipe(24), history=())
     assert solid.pieces == 2
     assert solid.filled[:, 14:, 14:].sum() == 0
     assert solid.mesh().closed
@@ -81,20 +83,20 @@ def test_crumbs_and_what_hangs_in_the_air_are_left_out():
 
 @pytest.mark.medium
 def test_every_floor_has_the_symmetry_of_the_rule():
-    density = ts.generate_solid(recipe(repeat="p4m"), 16).density
+    density = ts.solid.generate_solid(recipe(repeat="p4m"), 16).density
     for turned in (density[:, ::-1], density[:, :, ::-1], density.swapaxes(1, 2)):
         np.testing.assert_allclose(density, turned, atol=1e-6)
 
 
 @pytest.mark.medium
 def test_the_same_recipe_makes_the_same_solid():
-    one, two = (ts.generate_solid(recipe(), 16) for _ in range(2))
+    one, two = (ts.solid.generate_solid(recipe(), 16) for _ in range(2))
     np.testing.assert_array_equal(one.density, two.density)
 
 
 @pytest.mark.medium
 def test_files_hold_the_mesh(tmp_path):
-    mesh = ts.generate_solid(recipe(), 16).mesh(2.5)
+    mesh = ts.solid.generate_solid(recipe(), 16).mesh(2.5)
     mesh.to_stl(tmp_path / "a.stl")
     mesh.to_ply(tmp_path / "a.ply")
     content = (tmp_path / "a.stl").read_bytes()
@@ -118,7 +120,7 @@ def test_what_makes_no_solid_is_said_in_one_sentence():
         (recipe(1024), 64, "cubes"),
     ):
         with pytest.raises(ts.OptionError, match=text):
-            ts.generate_solid(given, depth)
+            ts.solid.generate_solid(given, depth)
     with pytest.raises(ts.OverlapError, match="solid"):
         closed_mesh(np.zeros((4, 4, 4)), 1.0)
 

@@ -35,11 +35,11 @@ def test_a_texture_begun_elsewhere_is_the_same_in_all_its_parts():
     )
     steps = line_steps(made.image)[0]
     for first in (int(steps.argmax()), int(steps.argmin())):
-        turned = ts.Synthesis(
+        turned = ts.texture.Synthesis(
             **{
                 name: np.roll(value, -first, 0) if isinstance(value, np.ndarray) else value
                 for name, value in vars(made).items()
-                if name in ts.Synthesis.__dataclass_fields__ and name != "maps"
+                if name in ts.texture.Synthesis.__dataclass_fields__ and name != "maps"
             },
             maps=tuple(np.roll(one, -first, 0) for one in made.maps),
         )

@@ -20,7 +20,7 @@ def test_patches_are_taken_from_every_position_of_the_sample():
         assert set(np.unique(made.exemplar)) <= set(range(kinds))
         assert len(np.unique(made.exemplar)) > kinds / 2
         assert (made.apply(sample) == made.image).all()
-        again = ts.apply_coordinates(sample, made.source, made.exemplar, turns=turns, smooth=0)
+        again = ts.texture.apply_coordinates(sample, made.source, made.exemplar, turns=turns, smooth=0)
         assert (again == made.image).all()
         # Every pixel is one of the sample's: the one that its position says.
         number, place = made.exemplar, made.source

@@ -179,7 +179,7 @@ def test_what_a_guide_asks_for_is_laid_however_little(sample, weight):
             guide_weight=weight,
         )
         assert (made.exemplar.astype(bool) != wanted).mean() <= 0.03
-        assert made.patch[0] < ts.natural_patch(ground)
+        assert made.patch[0] < ts.texture.natural_patch(ground)
 
 
 def test_what_a_guide_asks_for_is_never_used_up():
@@ -306,7 +306,7 @@ def test_a_guide_says_what_goes_where():
 
 
 def test_options_come_as_keywords_or_as_one_value(sample):
-    one = ts.synthesize(sample(18), 80, patch=24, options=ts.LayOptions(tolerance=0.5, most=4))
+    one = ts.synthesize(sample(18), 80, patch=24, options=ts.texture.LayOptions(tolerance=0.5, most=4))
     two = ts.synthesize(sample(18), 80, patch=24, tolerance=0.5, most=4)
     np.testing.assert_array_equal(one.source, two.source)
     assert one.settings == two.settings
@@ -364,7 +364,7 @@ def test_the_axes_have_one_set_of_names(sample, names, wraps):
 
 def test_seams_run_between_patches_and_can_be_read_back(sample):
     made = ts.synthesize(sample(16), (90, 100), patch=32)
-    drawing = ts.read_svg(made.to_svg().encode())
+    drawing = ts.vector.read_svg(made.to_svg().encode())
     assert (drawing.width, drawing.height) == (100, 90)
     length = sum(line.length for line in drawing.polylines)
     borders = (made.labels[:, 1:] != made.labels[:, :-1]).sum() + (made.labels[1:] != made.labels[:-1]).sum()
@@ -410,8 +410,8 @@ GOOD = np.random.default_rng(0).integers(0, 256, (64, 64), np.uint8)
         ({"tolerance": "x"}, ts.OptionError, "tolerance is 'x'"),
         ({"candidates": 2.5}, ts.OptionError, "candidates"),
         ({"method": "magic"}, ts.OptionError, "method"),
-        ({"options": ts.HeatOptions()}, ts.OptionError, "takes LayOptions"),
-        ({"options": ts.LayOptions(), "most": 2.0}, ts.OptionError, "beside options"),
+        ({"options": ts.seam.HeatOptions()}, ts.OptionError, "takes LayOptions"),
+        ({"options": ts.texture.LayOptions(), "most": 2.0}, ts.OptionError, "beside options"),
         ({"source": GOOD.astype(np.int32)}, ts.ImageError, "data_range"),
         ({"source": GOOD.astype(float)}, ts.ImageError, "data_range"),
         ({"data_range": [1.0, 1.0]}, ts.OptionError, "data_range has 2 values"),

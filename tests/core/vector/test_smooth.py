@@ -20,13 +20,13 @@ def wandering(seed=1, height=400, calm=6):
     points = [(x[0], 0)]
     for row in range(height):
         points += [(x[row], row), (x[row], row + 1)]
-    return ts.Polyline(np.array(points, float))
+    return ts.vector.Polyline(np.array(points, float))
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_curves_stay_close_and_are_few(seed):
     line = wandering(seed)
-    smooth = ts.smooth_path(line)
+    smooth = ts.vector.smooth_path(line)
     assert smooth.distance() <= TOLERANCES_PX[-1]
     assert len(smooth.curves) <= np.ptp(line.points, axis=0).max() / FEW_PX < len(line.points) / 20
     np.testing.assert_array_equal(smooth.anchors[[0, -1]], line.points[[0, -1]])
@@ -40,14 +40,14 @@ def test_few_curves_are_enough_for_seams_of_photographs():
     for method in ("heat", "dp"):
         (seam,) = ts.stitch([ts.Layer(left), ts.Layer(right, at=(310, 0))], method=method).seams
         (line,) = seam.paths
-        smooth = ts.smooth_path(line, tolerance=2)
+        smooth = ts.vector.smooth_path(line, tolerance=2)
         assert smooth.distance() <= 2.1  # between the samples at which the curve was compared
         assert len(smooth.anchors) <= np.ptp(line.points[:, 1]) / FEW_PX
 
 
 def test_the_pieces_are_the_line():
     line = wandering()
-    smooth = ts.smooth_path(line)
+    smooth = ts.vector.smooth_path(line)
     pieces = [smooth.piece(index) for index in range(len(smooth.curves))]
     for piece, curve, following in zip(pieces, smooth.curves, [*pieces[1:], None], strict=True):
         np.testing.assert_array_equal(piece[[0, -1]], curve[[0, 3]])
@@ -60,8 +60,10 @@ def test_the_pieces_are_the_line():
 
 def test_a_closed_line_stays_closed():
     angle = np.linspace(0, 2 * np.pi, 600, endpoint=False)
-    ring = ts.Polyline(np.column_stack([100 + 80 * np.cos(angle), 90 + 50 * np.sin(angle)]), closed=True)
-    smooth = ts.smooth_path(ring, tolerance=0.5)
+    ring = ts.vector.Polyline(
+        np.column_stack([100 + 80 * np.cos(angle), 90 + 50 * np.sin(angle)]), closed=True
+    )
+    smooth = ts.vector.smooth_path(ring, tolerance=0.5)
     assert smooth.closed
     np.testing.assert_array_equal(smooth.curves[0, 0], smooth.curves[-1, 3])
     assert 2 <= len(smooth.anchors) <= 8
@@ -70,17 +72,17 @@ def test_a_closed_line_stays_closed():
 
 @pytest.mark.parametrize("points", [[(0, 0), (0, 1)], [(0, 0), (1, 0), (1, 1)], [(0, 0), (0, 900)]])
 def test_short_and_straight_lines(points):
-    smooth = ts.smooth_path(ts.Polyline(np.array(points, float)))
+    smooth = ts.vector.smooth_path(ts.vector.Polyline(np.array(points, float)))
     assert smooth.distance() <= 2
     assert len(smooth.anchors) <= 3
 
 
 def test_a_tolerance_must_be_a_positive_number():
     with pytest.raises(ts.OptionError, match="tolerance is 'x'"):
-        ts.smooth_path(wandering(), tolerance="x")
+        ts.vector.smooth_path(wandering(), tolerance="x")
 
 
 @pytest.mark.parametrize("side", [1, 2, 3])
 def test_however_small_a_closed_line_is_two_curves_at_least(side):
-    ring = ts.Polyline([[0, 0], [side, 0], [side, side], [0, side]], closed=True)
-    assert len(ts.smooth_path(ring, tolerance=50).curves) == 2
+    ring = ts.vector.Polyline([[0, 0], [side, 0], [side, side], [0, side]], closed=True)
+    assert len(ts.vector.smooth_path(ring, tolerance=50).curves) == 2

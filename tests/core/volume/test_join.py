@@ -33,7 +33,7 @@ def cost_of(labels, a, b, offset):
     """What labels of the common box cost."""
     places = placed(a.shape, b.shape, offset)
     common = [stack[places.inside(places.overlap, which)] for stack, which in ((a, "a"), (b, "b"))]
-    problem, _ = surface_problem(*common, None, None, 2, ts.MatchCost())
+    problem, _ = surface_problem(*common, None, None, 2, ts.seam.MatchCost())
     whole = Overlap(
         np.full(labels.shape, 2, np.uint8), problem.overlap.shared, (0, 0, 0), problem.overlap.canvas
     )

@@ -58,7 +58,7 @@ SHAPES = [strip, ell, ring, islands]
 def test_small_noise_is_cut_at_the_optimum(seed):
     a, b = np.random.default_rng(seed).random((2, 5, 6, 7))
     surface = ts.find_surface(a, b, tolerance=1e-5)
-    assert surface.termination == ts.Termination.SINGLE_LINE
+    assert surface.termination == ts.optimize.Termination.SINGLE_LINE
     assert surface.optimum_ratio() == pytest.approx(1, abs=1e-5)
     assert surface.bound <= surface.cost <= surface.bound * (1 + 2e-5)
 
@@ -85,7 +85,9 @@ def test_a_slab_loses_next_to_nothing(topology):
 
 @pytest.mark.medium
 def test_a_slab_that_is_too_thin_grows(monkeypatch):
-    problem, _ = surface_problem(*noise((48, 48, 48), 0, 2.0), None, None, 0, ts.MatchCost(law="gradient"))
+    problem, _ = surface_problem(
+        *noise((48, 48, 48), 0, 2.0), None, None, 0, ts.seam.MatchCost(law="gradient")
+    )
     best, _ = heat_surface(problem, SurfaceOptions())
 
     def ratio():
@@ -155,8 +157,8 @@ def test_every_voxel_of_a_weight_counts():
 def test_faces_cost_as_much_as_they_are_large():
     assert np.prod(face_areas((3, 0.5, 2))) == pytest.approx(1)
     a, b = noise((10, 8, 8), 9)
-    one = surface_problem(a, b, None, None, 0, ts.MatchCost(law="gradient"))[0].costs
-    deep = surface_problem(a, b, None, None, 0, ts.MatchCost(law="gradient"), (8, 1, 1))[0].costs
+    one = surface_problem(a, b, None, None, 0, ts.seam.MatchCost(law="gradient"))[0].costs
+    deep = surface_problem(a, b, None, None, 0, ts.seam.MatchCost(law="gradient"), (8, 1, 1))[0].costs
     for axis, share in enumerate((0.25, 2, 2)):
         np.testing.assert_allclose(deep[axis], share * one[axis], rtol=1e-5)
 
@@ -230,7 +232,7 @@ def test_graph_cut_is_the_optimum():
         ({"spacing": 2}, "one length per axis"),
         ({"method": "dp"}, "choose one of"),
         ({"method": "graph-cut", "tolerance": 0.1}, "takes no options"),
-        ({"cost": ts.MatchCost(law="gradient"), "gradient": True}, "leave gradient out"),
+        ({"cost": ts.seam.MatchCost(law="gradient"), "gradient": True}, "leave gradient out"),
         ({"tolerence": 0.1}, "does not know"),
         ({"channel_axis": 0}, "without channels"),
         ({"a": np.zeros((4, 4, 4, 2)), "b": np.zeros((4, 4, 4, 3))}, "channels"),

@@ -27,7 +27,7 @@ class ClipJob:
     output: Path
     #: When and where the second begins in the first: frames, px to the right, px down.
     offset: tuple[int, int, int]
-    law: ts.Law | None
+    law: ts.typing.Law | None
     max_pixels: int
     force: bool
 
@@ -56,7 +56,7 @@ def join_clips(job: ClipJob, progress: Callable[[float], None] | None = None) ->
             second.frames,
             offset=(t, y, x),
             spacing=_SPACING,
-            cost=None if job.law is None else ts.MatchCost(law=job.law),
+            cost=None if job.law is None else ts.seam.MatchCost(law=job.law),
             progress=progress,
         )
     except ts.OverlapError as error:

@@ -17,6 +17,7 @@ from pathlib import Path
 import toposeam as ts
 from toposeam.layers.canvas.layer import Box
 from toposeam.layers.canvas.transforms import CameraTransform, Projection
+from toposeam_cli.files.regular import real_path
 from toposeam_cli.files.tables import read_text
 from toposeam_cli.media.layouts.camera_angles import angles_of, turned_camera
 
@@ -224,7 +225,7 @@ def project_text(
     ]
     lenses: dict[tuple[object, ...], int] = {}
     for index, picture in enumerate(pictures):
-        name = Path(os.path.relpath(picture.file.resolve(), folder.resolve())).as_posix()
+        name = Path(os.path.relpath(real_path(picture.file), real_path(folder))).as_posix()
         if _UNNAMED.search(name):
             raise ts.OptionError(
                 f"a Hugin project cannot name {name!r}, for a quote, a control character or what is not "

@@ -57,6 +57,7 @@ from toposeam.layers.canvas.transforms import (
     is_move,
     similarity,
 )
+from toposeam_cli.files.regular import real_path
 from toposeam_cli.files.tables import read_table
 from toposeam_cli.media.layouts.camera_angles import angles_of, turned_camera
 
@@ -278,7 +279,7 @@ def layout_text(folder: Path, layout: Layout) -> str:
             "\n".join(["[view]", f"projection = {json.dumps(projection)}", f"radius = {radius!r}", *wrap])
         )
     for layer in layout.layers:
-        file = os.path.relpath(layer.file.resolve(), folder.resolve())
+        file = os.path.relpath(real_path(layer.file), real_path(folder))
         if any("\udc80" <= character <= "\udcff" for character in file + layer.name):
             raise ts.OptionError(f"a layout cannot name '{file}', which is not UTF-8; rename the file")
         lines = [

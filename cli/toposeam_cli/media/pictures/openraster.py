@@ -244,7 +244,7 @@ def _layer(
 
 def write_ora(
     path: Path,
-    stitched: ts.Stitched,
+    stitched: ts.layers.Stitched,
     originals: Sequence[Picture],
     layers: Sequence[ts.Layer],
     force: bool = False,
@@ -321,7 +321,9 @@ def write_ora(
             archive.writestr(zipfile.ZipInfo(name, _SECOND), encode_png(picture))
 
 
-def _shown(picture: Picture, stitched: ts.Stitched, mask: np.ndarray, place: tuple[slice, slice]) -> Picture:
+def _shown(
+    picture: Picture, stitched: ts.layers.Stitched, mask: np.ndarray, place: tuple[slice, slice]
+) -> Picture:
     """Return a picture that is opaque only where it shows, with the composite's pixels there."""
     shows = mask[place]
     pixels = np.where(

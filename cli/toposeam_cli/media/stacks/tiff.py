@@ -15,6 +15,7 @@ import defusedxml.ElementTree
 import numpy as np
 
 from toposeam.errors import ImageError
+from toposeam_cli.files.regular import real_path
 from toposeam_cli.media.stacks.parts import Mapped, check_voxels, damage_told, needs, ordered
 from toposeam_cli.media.stacks.stack import Stack
 from toposeam_cli.media.stacks.unpacking import unpacks_within
@@ -110,8 +111,8 @@ def _check_ome(path: Path, text: str, most: float) -> None:
 def _check_beside(path: Path, name: str) -> None:
     if name.lower() == path.name.lower():
         return
-    folder = path.parent.resolve()
-    other = (folder / name).resolve()
+    folder = real_path(path.parent)
+    other = real_path(folder / name)
     if not other.is_relative_to(folder) or (other.exists() and not other.is_file()):
         raise ImageError(f"{path} names '{name}' as one of its files; only files in its own folder are read")
     if not other.exists():

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from toposeam.errors import ImageError
-from toposeam_cli.files.regular import check_regular_below
+from toposeam_cli.files.regular import check_regular_below, real_path
 from toposeam_cli.media.stacks.parts import check_voxels, damage_told, needs, ordered
 from toposeam_cli.media.stacks.stack import Stack
 from toposeam_cli.media.stacks.tiff import known_spacing
@@ -117,7 +117,7 @@ def _place(path: Path) -> tuple[Path, str, tuple[float, float, float] | None]:
             named = dict(zip(axes, change["scale"], strict=False))
             spacing = known_spacing([float(named.get(axis, np.nan)) for axis in "ZYX"])
     place = path / str(first["path"])
-    if not place.resolve().is_relative_to(path.resolve()):
+    if not real_path(place).is_relative_to(real_path(path)):
         raise ImageError(f"{path} names '{first['path']}' as its array, which is outside of it; check it")
     if not _is_array(place):
         raise ImageError(f"{path} names '{first['path']}' as its array, which is not there; copy it again")

@@ -21,7 +21,9 @@ from toposeam_cli.motifs.recipe_files import to_toml
 _SHOWN_PX = 360
 
 
-def explore_page(recipes: Sequence[ts.Recipe], columns: int, progress: Callable[[float], None] | None) -> str:
+def explore_page(
+    recipes: Sequence[ts.motif.Recipe], columns: int, progress: Callable[[float], None] | None
+) -> str:
     """Return the page as one .html file.
 
     Parameters
@@ -52,7 +54,7 @@ def explore_page(recipes: Sequence[ts.Recipe], columns: int, progress: Callable[
     )
 
 
-def _swatch(made: ts.Motif) -> np.ndarray:
+def _swatch(made: ts.motif.Motif) -> np.ndarray:
     rows, columns = made.densities.shape[1:]
     counts = tuple(max(2, many) for many in period(made.repeat))
     across = _SHOWN_PX // counts[1]

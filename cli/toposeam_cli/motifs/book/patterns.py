@@ -109,7 +109,7 @@ def draw_on_product(
     dpi: float | None = None,
 ) -> None:
     """Make one mock-up from a motif's recipe, and from a second one's where two are wanted; the first may be
-    simplified (`ts.simplify`).
+    simplified (`ts.motif.simplify`).
     """
     across = pattern_px(product, motif_mm, dpi)
     made, pattern = _sharp(motif, across, inks, edge)
@@ -126,11 +126,11 @@ def shown_at(drawn: np.ndarray, dpi: float | None) -> Picture:
 
 def _sharp(
     motif: str, across: int, inks: int | None = None, edge: str | None = None
-) -> tuple[ts.Motif, np.ndarray]:
+) -> tuple[ts.motif.Motif, np.ndarray]:
     """Return a motif, and a piece of its pattern that repeats by translation, with motifs of that width in
     px.
     """
-    made = ts.generate_motif(ts.simplify(read_recipe(Path(motif)), inks=inks, edge=edge))
+    made = ts.generate_motif(ts.motif.simplify(read_recipe(Path(motif)), inks=inks, edge=edge))
     height, width = made.densities.shape[1:]
     size = (max(1, round(across * height / width)), across)
     return made, to_depth(ts.repeat(made, period(made.repeat), size=size), np.dtype(np.uint8))

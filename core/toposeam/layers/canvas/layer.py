@@ -126,6 +126,21 @@ class Layer:
         return covered if self.mask is None else covered & np.asarray(self.mask)
 
 
+def as_layers(pictures: Any) -> Any:
+    """Wrap the arrays and PIL pictures of a sequence in layers that are named by their numbers, from 1.
+
+    What is neither stays, for :func:`toposeam.checks.check_items` to refuse.
+    """
+    if not isinstance(pictures, list | tuple):
+        return pictures
+    return tuple(
+        Layer(picture, name=f"picture {number}")
+        if isinstance(picture, np.ndarray) or hasattr(picture, "getbands")
+        else picture
+        for number, picture in enumerate(pictures, start=1)
+    )
+
+
 class Box(NamedTuple):
     """A rectangle of canvas pixels; it may reach over the canvas's edge."""
 

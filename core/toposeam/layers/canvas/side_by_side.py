@@ -40,7 +40,7 @@ def overlapping(a: Any, b: Any, *, overlap: float | str, side: Side = "right") -
     --------
     >>> import numpy as np, toposeam as ts
     >>> a, b = np.random.default_rng(0).random((2, 30, 40))
-    >>> ts.stitch(ts.overlapping(a, b, overlap="25%")).image.shape
+    >>> ts.stitch(ts.layers.overlapping(a, b, overlap="25%")).image.shape
     (30, 70)
     """
     check_choice("side", side, SIDES)

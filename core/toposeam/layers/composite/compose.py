@@ -15,7 +15,16 @@ from toposeam.checks import check_choice, check_function, check_whole
 from toposeam.errors import ImageError, OptionError, Term
 from toposeam.images import Mask, as_mask
 from toposeam.layers.blending.blend import Blend, Placed, check_blend, reach_of
-from toposeam.layers.canvas.layer import MAX_MEGAPIXELS, Box, Extent, Layer, check_layers, common_canvas, cut
+from toposeam.layers.canvas.layer import (
+    MAX_MEGAPIXELS,
+    Box,
+    Extent,
+    Layer,
+    as_layers,
+    check_layers,
+    common_canvas,
+    cut,
+)
 from toposeam.layers.canvas.painting import LabelMap, channel_count
 from toposeam.layers.canvas.tile_map import blocks, cover_of, new_map
 from toposeam.layers.composite.composition import Composition, Totals
@@ -205,14 +214,16 @@ def _with_places(
     layers: Sequence[Layer] | Sequence[npt.NDArray[Any]], executor: Executor | None
 ) -> tuple[Sequence[Layer], int | None]:
     """Find the places of images that are given without any, and the canvas's width if it goes round."""
-    if isinstance(layers, list | tuple) and len(layers) > 1:
-        arrays = [image for image in layers if isinstance(image, np.ndarray)]
-        if len(arrays) == len(layers):
-            images = [Layer(image, name=f"picture {k}") for k, image in enumerate(arrays, start=1)]
-            found = find_places(images, executor=executor)
-            for reason in found.left_out.values():
-                warnings.warn(f"left out: {reason}", stacklevel=4)
-            return found.layers, found.wrap
+    images = as_layers(layers)
+    if (
+        isinstance(images, tuple)
+        and len(images) > 1
+        and not any(image is layer for image, layer in zip(images, layers, strict=True))
+    ):
+        found = find_places(images, executor=executor)
+        for reason in found.left_out.values():
+            warnings.warn(f"left out: {reason}", stacklevel=4)
+        return found.layers, found.wrap
     return layers, None  # type: ignore[return-value]  # checked by the caller
 
 

@@ -45,6 +45,7 @@ class Outline:
     iterations: int
     seconds: float
     settings: Mapping[str, Any]
+    verdict: Verdict | None = None
 
     @property
     def length(self) -> float:
@@ -62,8 +63,13 @@ class Totals:
     seconds: float
     #: The engines that found them, as :attr:`Seam.method` has them, joined by "and".
     method: str
-    #: That of the worst of them; None unless their match cost is that of the law "natural".
-    verdict: Verdict | None = None
+    #: Those of all of them; None each unless their match cost is that of the law "natural".
+    verdicts: tuple[Verdict | None, ...] = ()
+
+    @property
+    def verdict(self) -> Verdict | None:
+        """That of the seam most likely to be seen."""
+        return worst_of(self.verdicts)
 
 
 class _Blank(Windows):
@@ -87,7 +93,7 @@ class Composition:
     --------
     >>> import numpy as np, toposeam as ts
     >>> a, b = np.random.default_rng(0).random((2, 30, 40))
-    >>> composed = ts.compose(ts.overlapping(a, b, overlap=10))
+    >>> composed = ts.layers.compose(ts.layers.overlapping(a, b, overlap=10))
     >>> composed.shape, composed.pairs
     ((30, 70), ((0, 1),))
     >>> image, alpha = composed.window(slice(0, 8), slice(60, 70))
@@ -259,6 +265,7 @@ class Composition:
                 iterations=len(seam.history),
                 seconds=seam.seconds,
                 settings=seam.settings,
+                verdict=seam.verdict,
             )
 
     def totals(self, executor: Executor | None = None) -> Totals:
@@ -273,7 +280,7 @@ class Composition:
         --------
         >>> import numpy as np, toposeam as ts
         >>> a, b = np.random.default_rng(0).random((2, 30, 40))
-        >>> totals = ts.compose(ts.overlapping(a, b, overlap=10)).totals()
+        >>> totals = ts.layers.compose(ts.layers.overlapping(a, b, overlap=10)).totals()
         >>> totals.method, totals.length >= 30
         ('shortest-path', True)
         """
@@ -285,7 +292,7 @@ class Composition:
             cost=sum(seam.cost for seam in seams),
             seconds=sum(seam.seconds for seam in seams),
             method=" and ".join(sorted({seam.method for seam in seams})),
-            verdict=worst_of(seam.verdict for _, seam in self.seams()),
+            verdicts=tuple(seam.verdict for seam in seams),
         )
 
     @property

@@ -22,7 +22,7 @@ from toposeam.optimize.history import Termination
 from toposeam.seam.problem.overlap import FREE
 from toposeam.seam.problem.seam_problem import blocked
 from toposeam.seam.result.seam import Seam
-from toposeam.seam.result.verdict import Verdict, verdict_of, worst_of
+from toposeam.seam.result.verdict import Verdict, verdict_of
 
 #: Beyond its box the problem of a seam keeps so many px, where boxes are large.
 _MARGIN, _LARGE_BOX = 8, 1 << 20
@@ -141,9 +141,9 @@ class Made:
             cost=sum(cost for _, cost, _ in found.values()),
             seconds=self.report.seconds,
             method=" and ".join(sorted({self._engine(pair) for pair in found})),
-            verdict=worst_of(verdict for _, _, verdict in found.values())
+            verdicts=tuple(verdict for _, _, verdict in found.values())
             if self.common.get("law") == "natural"
-            else None,
+            else (),
         )
 
     def measured(self, executor: Executor | None = None) -> dict[Pair, tuple[int, float, Verdict]]:

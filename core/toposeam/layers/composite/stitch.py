@@ -23,6 +23,7 @@ from toposeam.layers.composite.composition import Composition, Outline
 from toposeam.layers.composite.local_warp import check_give, give_way
 from toposeam.layers.labelling.problem import Pair
 from toposeam.layers.search.options import Effort, SearchOptions
+from toposeam.picture_files import PictureResult
 from toposeam.saving import save
 from toposeam.seam.find import Method
 from toposeam.seam.heat.method import HeatOptions
@@ -37,14 +38,14 @@ from toposeam.vector.svg import SvgSeam, write_svg
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Stitched:
+class Stitched(PictureResult):
     """The composite of placed layers.
 
     Examples
     --------
     >>> import numpy as np, toposeam as ts
     >>> a, b = np.random.default_rng(0).random((2, 30, 40))
-    >>> stitched = ts.stitch(ts.overlapping(a, b, overlap=10))
+    >>> stitched = ts.stitch(ts.layers.overlapping(a, b, overlap=10))
     >>> stitched.image.shape, len(stitched.masks), stitched.pairs
     ((30, 70), 2, ((0, 1),))
     """
@@ -150,7 +151,7 @@ def pair_name(first: str, second: str) -> str:
     Examples
     --------
     >>> import toposeam as ts
-    >>> ts.pair_name("a", "b")
+    >>> ts.layers.pair_name("a", "b")
     'a : b'
     """
     return " ".join(f"{first} : {second}".split())

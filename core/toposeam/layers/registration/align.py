@@ -56,7 +56,7 @@ class Aligned:
     >>> import numpy as np, toposeam as ts
     >>> scene = np.random.default_rng(0).random((40, 90))
     >>> layers = ts.Layer(scene[:, :60]), ts.Layer(scene[:, 40:], at=(37, 0))
-    >>> ts.align(layers, radius=8).layers[1].at
+    >>> ts.layers.align(layers, radius=8).layers[1].at
     (40, 0)
     """
 
@@ -100,7 +100,7 @@ def align(layers: Sequence[Layer], *, radius: int = RADIUS, executor: Executor |
     >>> import numpy as np, toposeam as ts
     >>> scene = np.random.default_rng(0).random((40, 90))
     >>> layers = ts.Layer(scene[:, :60]), ts.Layer(scene[:, 40:], at=(43, 2))
-    >>> [layer.at for layer in ts.align(layers, radius=8).layers]
+    >>> [layer.at for layer in ts.layers.align(layers, radius=8).layers]
     [(0, 0), (40, 0)]
     """
     radius = check_whole("radius", radius, 1)

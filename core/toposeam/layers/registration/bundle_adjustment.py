@@ -282,34 +282,29 @@ class _Problem:
         whole_matrix = csr_array(entries, shape=(2 * len(p) + 1, len(unknowns)))
         return whole_matrix[:, np.flatnonzero(self.free)]
 
-    def best_of(self, starts: Sequence[Floats]) -> tuple[Floats, float]:
-        """Unknowns of least loss from several starts, and the loss."""
-        return min(map(self.solved, starts), key=lambda found: found[1])
+    def solved(self, *starts: Floats) -> tuple[Floats, float]:
+        """Unknowns of least loss, and the loss, from the start that has the least at the first scale."""
+        wide, narrow = _SCALES
+        found = [self._descended(start, wide) for start in starts]
+        return self._descended(min(found, key=lambda one: one[1])[0], narrow)
 
-    def solved(self, start: Floats) -> tuple[Floats, float]:
-        """Unknowns of least loss from a start, and the loss."""
-        where = np.flatnonzero(self.free)
-        unknowns, loss = start, math.inf
-        for scale in _SCALES:
-            unknowns, loss = self._descended(unknowns, where, scale)
-        return unknowns, loss
-
-    def _descended(self, start: Floats, where: npt.NDArray[np.intp], scale: float) -> tuple[Floats, float]:
+    def _descended(self, start: Floats, scale: float) -> tuple[Floats, float]:
         """Unknowns of least loss Σ s² log(1 + r² ÷ s²) near a start, by the method of Levenberg and Marquardt
         on equations that are weighted anew in each step.
         """
 
         def lost(unknowns: Floats) -> tuple[Floats, float]:
-            squares = np.square(self.residuals(unknowns)) / scale**2
-            return 1 / (1 + squares), float(scale**2 * np.log1p(squares).sum())
+            residuals = self.residuals(unknowns)
+            return residuals, float(scale**2 * np.log1p(np.square(residuals / scale)).sum())
 
-        unknowns, damping = start, 1e-3
-        weights, loss = lost(unknowns)
+        where, unknowns, damping = np.flatnonzero(self.free), start, 1e-3
+        residuals, loss = lost(unknowns)
         for _ in range(_STEPS):
             jacobian = self.jacobian(unknowns)
+            weights = 1 / (1 + np.square(residuals / scale))
             weighted = jacobian.multiply(weights[:, np.newaxis]).tocsr()
             normal = (weighted.T @ jacobian).tocsc()
-            slope = weighted.T @ self.residuals(unknowns)
+            slope = weighted.T @ residuals
             diagonal = normal.diagonal() + 1e-12
             before = loss
             while damping < 1e8:
@@ -318,9 +313,9 @@ class _Problem:
                 )
                 moved = unknowns.copy()
                 moved[where] += step
-                new_weights, new_loss = lost(moved)
+                new_residuals, new_loss = lost(moved)
                 if new_loss < loss:
-                    unknowns, weights, loss = moved, new_weights, new_loss
+                    unknowns, residuals, loss = moved, new_residuals, new_loss
                     damping = max(damping / 5, 1e-9)
                     break
                 damping *= 4
@@ -402,13 +397,13 @@ def adjust_cameras(
         guesses = [focal] if focal is not None else _likely_focals(sizes, matches)
         same = np.ones(len(sizes))
         beginnings = [_chained(problem, matches, guess * same, order, before) for guess in guesses]
-    unknowns, loss = problem.best_of(beginnings)
+    unknowns, loss = problem.solved(*beginnings)
     if start is None:
         zooms = _zooms(sizes, matches, order, before)
         if np.ptp(np.log(zooms)) > _ZOOM and not fixed:
             zoomed = replace(problem, free_zoom=True)
             beginnings = [_chained(zoomed, matches, guess * zooms, order, before) for guess in guesses]
-            own, other = zoomed.best_of(beginnings)
+            own, other = zoomed.solved(*beginnings)
             if other < (1 - _ZOOM_GAIN) * loss:
                 problem, unknowns, loss = zoomed, own, other
     if distortion is not None:

@@ -17,13 +17,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from toposeam.checks import check_choice, check_function, check_items, check_range, check_whole
 from toposeam.errors import OptionError, OverlapError
-from toposeam.layers.canvas.layer import Layer
+from toposeam.layers.canvas.layer import Layer, as_layers
 from toposeam.layers.canvas.transforms import PROJECTIONS, PlaneTransform, Projection, Transform
 from toposeam.layers.canvas.warping import on_canvas
 from toposeam.layers.execution.tasks import Executor, check_executor
@@ -64,7 +65,7 @@ Floats = npt.NDArray[np.float64]
 
 
 def find_places(
-    pictures: Sequence[Layer],
+    pictures: Sequence[Layer] | Sequence[npt.NDArray[Any]],
     *,
     model: Model | str = "auto",
     exact: bool = False,
@@ -82,7 +83,7 @@ def find_places(
 
     Parameters
     ----------
-    pictures : sequence of Layer
+    pictures : sequence of Layer, or of (H, W) or (H, W, C) arrays
         At least two, in any order and exposed differently; where they lie is ignored.
     model : {"auto", "shift", "similarity", "plane", "rotation"}
         What may bring pictures together: moves; turns by up to 3° and scales by up to 3 %, too; homographies
@@ -143,7 +144,7 @@ def find_places(
         least_correlation=least_correlation,
     )
     check_executor(executor)
-    return found_places(pictures, options, progress, executor, _placed_here)
+    return found_places(as_layers(pictures), options, progress, executor, _placed_here)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

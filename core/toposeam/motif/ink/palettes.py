@@ -41,7 +41,7 @@ class Palette:
     Examples
     --------
     >>> import toposeam as ts
-    >>> ts.palette("indigo", 3).inks.shape
+    >>> ts.motif.palette("indigo", 3).inks.shape
     (3, 3)
     """
 
@@ -73,7 +73,7 @@ def palette(source: str | npt.ArrayLike, n: int) -> Palette:
     Examples
     --------
     >>> import toposeam as ts
-    >>> ts.palette("sumi", 2).inks.round(2).tolist()
+    >>> ts.motif.palette("sumi", 2).inks.round(2).tolist()
     [[0.17, 0.17, 0.18], [0.48, 0.48, 0.47]]
     """
     n = check_whole("n", n, 1)

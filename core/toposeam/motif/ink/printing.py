@@ -17,13 +17,14 @@ from toposeam.errors import OptionError, Term
 from toposeam.motif.ink.mixing import mix
 from toposeam.motif.ink.stroke_edges import fineness, printed, shading
 from toposeam.motif.ink.svg import draw_svg
+from toposeam.picture_files import PictureResult
 from toposeam.saving import save
 
 #: Patterns with more pixels are refused.
 MAX_PATTERN = 400_000_000
 
 
-class Inked(ABC):
+class Inked(PictureResult, ABC):
     """Densities of inks on a cell that repeats; subclasses say what else they are."""
 
     __slots__ = ()

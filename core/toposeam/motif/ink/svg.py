@@ -86,7 +86,7 @@ class SvgOptions:
     --------
     >>> import toposeam as ts
     >>> motif = ts.generate_motif(16, layers=1, seed=1, iterations=3)
-    >>> 'width="80mm"' in ts.draw_svg(motif, options=ts.SvgOptions(width_mm=80))
+    >>> 'width="80mm"' in ts.motif.draw_svg(motif, options=ts.motif.SvgOptions(width_mm=80))
     True
     """
 
@@ -138,7 +138,7 @@ def draw_svg(
     --------
     >>> import toposeam as ts
     >>> motif = ts.generate_motif(16, layers=1, seed=1, iterations=3)
-    >>> "<svg" in ts.draw_svg(motif, (2, 2), width_mm=80)
+    >>> "<svg" in ts.motif.draw_svg(motif, (2, 2), width_mm=80)
     True
     """
     chosen = options_from(SvgOptions, options, given, "a drawing")

@@ -41,7 +41,7 @@ class LayerRecipe:
     Examples
     --------
     >>> import toposeam as ts
-    >>> recipe = ts.random_recipe(16, layers=2, seed=1)
+    >>> recipe = ts.motif.random_recipe(16, layers=2, seed=1)
     >>> 0 < recipe.layers[0].mass < 1
     True
     """
@@ -115,8 +115,8 @@ class Recipe:
     Examples
     --------
     >>> import toposeam as ts
-    >>> recipe = ts.random_recipe(16, layers=2, seed=1)
-    >>> ts.Recipe.from_dict(recipe.to_dict()) == recipe
+    >>> recipe = ts.motif.random_recipe(16, layers=2, seed=1)
+    >>> ts.motif.Recipe.from_dict(recipe.to_dict()) == recipe
     True
     """
 

@@ -31,7 +31,7 @@ def simplify(recipe: Recipe, *, inks: int | None = None, edge: str | None = None
     Examples
     --------
     >>> import toposeam as ts
-    >>> recipe = ts.random_recipe(32, layers=3, mass=[0.1, 0.3, 0.2], seed=1)
+    >>> recipe = ts.motif.random_recipe(32, layers=3, mass=[0.1, 0.3, 0.2], seed=1)
     >>> [layer.mass for layer in simplify(recipe, inks=2, edge="crisp").layers]
     [0.3, 0.2]
     """

@@ -12,11 +12,13 @@ over a feather of f, so that no border is hard and the pattern still has the who
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import map_coordinates
 
-from toposeam.checks import check_choice, check_number, check_numbers, check_pair
+from toposeam.checks import check_choice, check_function, check_number, check_numbers, check_pair
 from toposeam.errors import OptionError, Term
 from toposeam.images import as_float
 from toposeam.motif.symmetry.rules import GENERATORS, HEXAGONAL, check_repeat, operations
@@ -44,6 +46,7 @@ def kaleidoscope(
     *,
     at: tuple[float, float] | None = None,
     feather: float = 0.01,
+    progress: Callable[[float], None] | None = None,
 ) -> npt.NDArray[np.float32]:
     """Return a cell that repeats by a wallpaper group, made of a picture.
 
@@ -58,6 +61,8 @@ def kaleidoscope(
         What is in the middle of the domain, px; the middle of the picture without it.
     feather : float
         Width over which unlike parts mix, as a share of the cell's shorter side, 0 to 0.5.
+    progress : callable, optional
+        Called with the share of the work done, in [0, 1].
 
     Returns
     -------
@@ -75,6 +80,7 @@ def kaleidoscope(
     >>> bool(np.allclose(cell, cell.T) and np.allclose(cell, cell[::-1]))
     True
     """
+    check_function("progress", progress)
     picture = as_float(image)
     check_choice("repeat", repeat, GROUPS)
     rows, columns = check_pair("cell", cell, 2)
@@ -124,6 +130,8 @@ def kaleidoscope(
         place = np.stack([flat % columns + 0.5, flat // columns + 0.5])
         away = _copies(inverse @ place, repeat, basis)
         result[flat] = _seen(picture, away, np.array([x, y]), soft)
+        if progress is not None:
+            progress((start + len(flat)) / (rows * columns))
     shaped = result.reshape(rows, columns, -1)
     return shaped[..., 0] if np.ndim(image) == 2 else shaped
 

@@ -55,7 +55,7 @@ class HeatOptions:
     --------
     >>> import numpy as np, toposeam as ts
     >>> a, b = np.random.default_rng(0).random((2, 12, 6))
-    >>> ts.find_seam(a, b, options=ts.HeatOptions(tolerance=0.01)).optimum_ratio() < 1.01
+    >>> ts.find_seam(a, b, options=ts.seam.HeatOptions(tolerance=0.01)).optimum_ratio() < 1.01
     True
     """
 

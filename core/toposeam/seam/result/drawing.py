@@ -45,7 +45,7 @@ def draw_seams(image: npt.NDArray[Any], seams: Iterable[HasPaths]) -> npt.NDArra
     --------
     >>> import numpy as np, toposeam as ts
     >>> seam = ts.find_seam(np.zeros((6, 8)), np.ones((6, 8)))
-    >>> ts.draw_seams(np.zeros((6, 8)), [seam]).shape
+    >>> ts.seam.draw_seams(np.zeros((6, 8)), [seam]).shape
     (6, 8, 3)
     """
     drawn = to_rgba8(image)[..., :3]

@@ -42,7 +42,7 @@ def seam_verdict(
     --------
     >>> import numpy as np, toposeam as ts
     >>> a = np.random.default_rng(0).random((20, 16))
-    >>> str(ts.seam_verdict(ts.find_seam(a, a, gradient=True), a, a))
+    >>> str(ts.seam.seam_verdict(ts.find_seam(a, a, gradient=True), a, a))
     'not to be seen'
     """
     check_kind("seam", seam, Seam, "a Seam")

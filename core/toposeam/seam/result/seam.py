@@ -178,7 +178,7 @@ class Seam:
     def summary(self) -> dict[str, Any]:
         """The seam in numbers, as JSON has them: method, cost, optimum, ratio (of both), bound (what is
         proven, 0 for nothing), stages, iterations, termination, paths (their number), length_px and seconds;
-        of the law "natural" also likeness, worst_likeness and look_at (:class:`toposeam.Verdict`).
+        of the law "natural" also likeness, worst_likeness and look_at (:class:`toposeam.seam.Verdict`).
 
         The optimum can take longer to compute than the seam took.
         """
@@ -258,7 +258,7 @@ def apply_paths(
     Parameters
     ----------
     drawing : SvgSeam
-        As :func:`toposeam.read_svg` returns it, on the patches' canvas.
+        As :func:`toposeam.vector.read_svg` returns it, on the patches' canvas.
     a, b, mask_a, mask_b, side, gradient, cost, weight, avoid, core, speck, data_range
         As for :func:`toposeam.find_seam`.
 
@@ -280,8 +280,8 @@ def apply_paths(
 
     >>> import numpy as np, toposeam as ts
     >>> a, b = np.zeros((2, 3, 6)); b = b + 1
-    >>> line = ts.Polyline([[3, 0], [3, 3]])
-    >>> seam = ts.apply_paths(ts.SvgSeam((line,), 6, 3, None, ("seam 1",)), a, b)
+    >>> line = ts.vector.Polyline([[3, 0], [3, 3]])
+    >>> seam = ts.seam.apply_paths(ts.vector.SvgSeam((line,), 6, 3, None, ("seam 1",)), a, b)
     >>> seam.labels.astype(int)
     array([[0, 0, 0, 1, 1, 1],
            [0, 0, 0, 1, 1, 1],

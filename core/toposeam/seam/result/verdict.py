@@ -12,7 +12,7 @@ near 0 where something is cut in two.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -44,17 +44,28 @@ class Verdict:
     worst: float
     #: (x, y) on the canvas, px: the middle of the worst square.
     where: tuple[int, int] | None
+    #: (K, 4): x, y, likeness and number of interfaces of each square.
+    _squares: npt.NDArray[np.float64] | None = field(default=None, repr=False, compare=False)
 
     @property
     def unseen(self) -> bool:
         """Whether its worst tenth is likely not to be noticed either."""
         return self.worst >= UNSEEN
 
-    def seen_from(self, corner: tuple[int, int] | None) -> Verdict:
-        """The same with places counted from a corner of the canvas, where something was cropped."""
-        if self.where is None or corner is None:
+    def inside(self, box: tuple[int, int, int, int] | None) -> Verdict:
+        """Judge what a crop of the canvas shows of the seam, with places counted from its corner.
+
+        Parameters
+        ----------
+        box : (int, int, int, int), optional
+            left, top, width and height, px; by default the verdict stays.
+        """
+        if box is None or self._squares is None:
             return self
-        return replace(self, where=(self.where[0] - corner[0], self.where[1] - corner[1]))
+        left, top, width, height = box
+        squares = self._squares - np.array([left, top, 0, 0])
+        x, y = squares[:, 0], squares[:, 1]
+        return _of_squares(squares[(x >= 0) & (y >= 0) & (x < width) & (y < height)])
 
     def __str__(self) -> str:
         if self.unseen or self.where is None:
@@ -91,14 +102,23 @@ def verdict_of(
     square = square.ravel()
     count = np.bincount(square)
     likeness = 1 / (1 + np.bincount(square, cost) / count / _HALF)
+    means = (np.bincount(square, along) / count for along in (x, y))
+    return _of_squares(np.stack([*means, likeness, count], axis=1))
+
+
+def _of_squares(squares: npt.NDArray[np.float64]) -> Verdict:
+    """Verdict of (K, 4) squares: x, y, likeness, number of interfaces."""
+    if not len(squares):
+        return Verdict(mean=1.0, worst=1.0, where=None)
+    likeness, count = squares[:, 2], squares[:, 3]
     order = np.argsort(likeness)
-    share = np.cumsum(count[order]) / len(cost)
+    share = np.cumsum(count[order]) / count.sum()
     worst = order[: int(np.searchsorted(share, _WORST)) + 1]
-    there = square == order[0]
     return Verdict(
         mean=float(np.average(likeness, weights=count)),
         worst=float(np.average(likeness[worst], weights=count[worst])),
-        where=(round(float(x[there].mean())), round(float(y[there].mean()))),
+        where=(round(squares[order[0], 0]), round(squares[order[0], 1])),
+        _squares=squares,
     )
 
 

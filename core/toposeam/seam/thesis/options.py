@@ -17,7 +17,7 @@ class ThesisOptions:
     --------
     >>> import numpy as np, toposeam as ts
     >>> a, b = np.random.default_rng(0).random((2, 12, 6))
-    >>> options = ts.ThesisOptions(formulation=2)
+    >>> options = ts.seam.ThesisOptions(formulation=2)
     >>> ts.find_seam(a, b, method="thesis", options=options).optimum_ratio() < 1.1
     True
     """

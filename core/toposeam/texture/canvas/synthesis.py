@@ -18,6 +18,7 @@ from toposeam.checks import check_choice, check_whole, check_whole_array
 from toposeam.display import to_png
 from toposeam.errors import ImageError, Term
 from toposeam.images import Image, Mask, as_array
+from toposeam.picture_files import PictureResult
 from toposeam.saving import save
 from toposeam.sentence import counted
 from toposeam.texture.canvas.rendering import MAX_SMOOTH, render
@@ -31,7 +32,7 @@ from toposeam.vector.svg import write_svg
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Synthesis:
+class Synthesis(PictureResult):
     """A picture made of patches of exemplars.
 
     Examples
@@ -211,7 +212,7 @@ def apply_coordinates(
     >>> import numpy as np, toposeam as ts
     >>> sample, height = np.random.default_rng(0).random((2, 48, 48))
     >>> grown = ts.synthesize(sample, (60, 60), patch=20)
-    >>> ts.apply_coordinates(height, grown.source).shape
+    >>> ts.texture.apply_coordinates(height, grown.source).shape
     (60, 60)
     """
     wraps, smooth = wraps_of(tileable), check_whole("smooth", smooth, 0, MAX_SMOOTH)

@@ -60,7 +60,7 @@ def natural_patch(
     --------
     >>> import numpy as np, toposeam as ts
     >>> stripes = np.tile(np.repeat([0, 255], 8), (128, 8)).astype(np.uint8)
-    >>> ts.natural_patch(stripes) > 24
+    >>> ts.texture.natural_patch(stripes) > 24
     True
     """
     image, alpha, source_mask = map(widened, (image, alpha, source_mask))

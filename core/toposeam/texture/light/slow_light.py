@@ -108,7 +108,7 @@ def flatten_light(
     --------
     >>> import numpy as np, toposeam as ts
     >>> slope = np.tile(np.linspace(60, 180, 64).astype(np.uint8), (64, 1))
-    >>> int(np.ptp(ts.flatten_light(slope))) <= 4
+    >>> int(np.ptp(ts.texture.flatten_light(slope))) <= 4
     True
     """
     array = as_array(image)

@@ -136,7 +136,7 @@ def closing_size(
     --------
     >>> import numpy as np, toposeam as ts
     >>> stripes = np.tile(np.repeat([40, 200], 8), (128, 8)).astype(np.uint8)
-    >>> ts.closing_size(stripes, (100, 100), tileable="x")
+    >>> ts.texture.closing_size(stripes, (100, 100), tileable="x")
     (100, 96)
     """
     height, width = check_pair("size", size, 1)

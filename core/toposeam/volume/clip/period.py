@@ -34,7 +34,7 @@ class Jump:
     Examples
     --------
     >>> import toposeam as ts
-    >>> ts.Jump(leaves=30, enters=6, cost=0.5).period
+    >>> ts.volume.Jump(leaves=30, enters=6, cost=0.5).period
     24
     """
 

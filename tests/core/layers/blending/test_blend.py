@@ -16,10 +16,10 @@ from toposeam.seam.problem import pyramid
 from toposeam.seam.problem.pyramid import expand, expand_part, reduce
 
 PHOTOGRAPH = data.coffee()[:180, 200:420]
-STRAIGHT = ts.read_svg(
+STRAIGHT = ts.vector.read_svg(
     '<svg xmlns="http://www.w3.org/2000/svg" width="100" height="20"><path d="M50 0 V20"/></svg>'
 )
-BLURS = [kind for kind in ts.BLENDS if kind != "none"]
+BLURS = [kind for kind in ts.layers.BLENDS if kind != "none"]
 
 
 def crops(gains=((1, 1, 1),) * 3, dtype=np.uint8, **fields):
@@ -350,7 +350,7 @@ def test_narrow_blends_take_the_seam_of_the_hard_cut():
     hard = ts.stitch(layers).label_map
     assert (ts.stitch(layers, blend="feather").label_map == hard).all()
     assert (ts.stitch(layers, blend="gradient").label_map == hard).all()
-    assert (ts.stitch(layers, blend="multiband", cost=ts.MatchCost(reach=0)).label_map == hard).all()
+    assert (ts.stitch(layers, blend="multiband", cost=ts.seam.MatchCost(reach=0)).label_map == hard).all()
     assert (ts.stitch(layers, blend="multiband").label_map != hard).any()
 
 

@@ -37,7 +37,7 @@ def test_a_spiral_is_one_piece():
 def test_moves_within_nothing_change_nothing():
     whole = np.random.default_rng(1).random((20, 30))
     layers = [ts.Layer(whole[:, :20], at=(0, 0)), ts.Layer(1 - whole[:, 10:], at=(10, 0))]
-    canvas = ts.common_canvas(layers)
+    canvas = ts.layers.common_canvas(layers)
     covers = exclusive_covers(layers, [canvas.place(layer) for layer in layers], canvas)
     labelling = pose_labelling(layers, canvas, covers)
     allowed = [labelling.allowed_in(k, canvas.box) for k in range(2)]

@@ -9,8 +9,8 @@ import toposeam as ts
 
 
 def places(overlap, side, a=(30, 40), b=(20, 50)):
-    layers = ts.overlapping(np.zeros(a), np.zeros(b), overlap=overlap, side=side)
-    return [ts.common_canvas(layers).place(layer) for layer in layers]
+    layers = ts.layers.overlapping(np.zeros(a), np.zeros(b), overlap=overlap, side=side)
+    return [ts.layers.common_canvas(layers).place(layer) for layer in layers]
 
 
 @pytest.mark.parametrize("overlap", [8, 8.0, "20%", "20 %", np.int64(8)])
@@ -33,7 +33,7 @@ def test_they_share_so_many_rows_below_or_above(side):
 def test_layers_keep_what_they_are_and_the_first_one_its_place():
     first = ts.Layer(image=np.zeros((5, 9)), name="map")
     second = ts.Layer(image=np.ones((5, 9)), alpha=np.ones((5, 9)))
-    a, b = ts.overlapping(first, second, overlap=4)
+    a, b = ts.layers.overlapping(first, second, overlap=4)
     assert a is first
     assert b.alpha is second.alpha
 
@@ -41,7 +41,7 @@ def test_layers_keep_what_they_are_and_the_first_one_its_place():
 def test_they_are_stitched_at_once():
     rng = np.random.default_rng(0)
     a, b = rng.random((2, 30, 40, 3))
-    stitched = ts.stitch(ts.overlapping(a, b, overlap="25%"))
+    stitched = ts.stitch(ts.layers.overlapping(a, b, overlap="25%"))
     assert stitched.image.shape == (30, 70, 3)
     np.testing.assert_array_equal(stitched.image[:, :30], a[:, :30])
     np.testing.assert_array_equal(stitched.image[:, 40:], b[:, 10:])
@@ -61,4 +61,4 @@ def test_they_are_stitched_at_once():
 )
 def test_what_is_no_overlap_is_refused(options, text):
     with pytest.raises(ts.OptionError, match=text):
-        ts.overlapping(np.zeros((5, 9)), np.zeros((5, 9)), **options)
+        ts.layers.overlapping(np.zeros((5, 9)), np.zeros((5, 9)), **options)

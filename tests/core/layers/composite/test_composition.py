@@ -98,7 +98,7 @@ def test_composing_by_windows_equals_stitching_at_once(blend, alpha, sparse):
         usual.setattr(maps, "DENSE_PIXELS", 1 << 22)
         whole = ts.stitch(layers(alpha=alpha), blend=blend, match_tones=True)
     given = layers(alpha=alpha, windows=True)
-    composed = ts.compose(given, blend=blend, match_tones=True)
+    composed = ts.layers.compose(given, blend=blend, match_tones=True)
     assert isinstance(composed._placed.label_map, TileMap)
     height, width = composed.shape
     for top in range(0, height, 130):
@@ -124,7 +124,7 @@ def test_no_layer_is_read_as_a_whole(count, sparse, monkeypatch):
     monkeypatch.setattr(reduction, "_ROWS", 8)
     monkeypatch.setattr(reduction, "_WANTED_ROWS", 8)
     given = layers(count, windows=True)
-    composed = ts.compose(given, blend="multiband", blend_width=8)
+    composed = ts.layers.compose(given, blend="multiband", blend_width=8)
     composed.window(slice(0, 64), slice(0, 64))
     assert all(layer.image.most < 0.75 * 140 * 160 for layer in given)
 
@@ -144,7 +144,7 @@ def test_two_layers_are_decided_where_both_are():
 
 @pytest.mark.parametrize("alpha", [False, True])
 def test_totals_are_those_of_the_seams_without_making_them(alpha):
-    composed = ts.compose(layers(4, alpha=alpha))
+    composed = ts.layers.compose(layers(4, alpha=alpha))
     seams = dict(composed.seams())
     totals = composed.totals()
     assert len(seams) > 2
@@ -160,16 +160,16 @@ def test_checked_seams_are_not_measured_again_for_totals(monkeypatch):
     measured, usual = [], made._measured
     monkeypatch.setattr(made, "_measured", lambda item: measured.append(item.pair) or usual(item))
     given = layers(4)
-    avoid = np.zeros(ts.compose(given).shape, bool)
+    avoid = np.zeros(ts.layers.compose(given).shape, bool)
     avoid[20:30, 20:30] = True
     measured.clear()
-    composed = ts.compose(given, avoid=avoid)
+    composed = ts.layers.compose(given, avoid=avoid)
     assert composed.totals().cost > 0
     assert sorted(measured) == sorted(set(composed.pairs))
 
 
 def test_totals_of_two_layers_are_those_of_their_seam():
     a, b = np.random.default_rng(0).random((2, 30, 40))
-    composed = ts.compose(ts.overlapping(a, b, overlap=10))
+    composed = ts.layers.compose(ts.layers.overlapping(a, b, overlap=10))
     ((_, seam),) = composed.seams()
     assert (composed.totals().cost, composed.totals().length) == (seam.cost, seam.length)

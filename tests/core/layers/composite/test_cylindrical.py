@@ -63,7 +63,7 @@ def test_layers_across_the_edge_are_narrow_after_another_cut():
     )
 
 
-@pytest.mark.parametrize("blend", ts.BLENDS)
+@pytest.mark.parametrize("blend", ts.layers.BLENDS)
 def test_the_ends_fit(blend):
     whole = panorama(np.random.default_rng(1))
     layers = views(whole, gains=(1.05, 0.97, 1.04, 0.93))

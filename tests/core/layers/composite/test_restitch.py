@@ -17,12 +17,12 @@ def layers():
 
 
 def straight(x, width, height=40, name="seam"):
-    return ts.SvgSeam((ts.Polyline([(x, 0), (x, height)]),), width, height, None, (name,))
+    return ts.vector.SvgSeam((ts.vector.Polyline([(x, 0), (x, height)]),), width, height, None, (name,))
 
 
 def test_one_pair_is_divided_and_the_rest_stays(layers):
     before = ts.stitch(layers)
-    after = ts.restitch(layers, before.masks, {(0, 1): straight(41, 110)})
+    after = ts.layers.restitch(layers, before.masks, {(0, 1): straight(41, 110)})
     assert (after.masks[0].sum(axis=1) == 41).all()
     np.testing.assert_array_equal(after.masks[2], before.masks[2])
     np.testing.assert_array_equal(sum(mask.astype(int) for mask in after.masks), 1)
@@ -33,8 +33,8 @@ def test_one_pair_is_divided_and_the_rest_stays(layers):
 
 def test_what_was_found_applied_again_is_the_same(layers):
     before = ts.stitch(layers[:2])
-    drawing = ts.read_svg(before.to_svg())
-    after = ts.restitch(layers[:2], before.masks, {(0, 1): drawing})
+    drawing = ts.vector.read_svg(before.to_svg())
+    after = ts.layers.restitch(layers[:2], before.masks, {(0, 1): drawing})
     np.testing.assert_array_equal(after.image, before.image)
     assert after.cost == pytest.approx(before.cost)
 
@@ -43,7 +43,7 @@ def test_soft_blending_feathers_along_a_path(layers):
     before = ts.stitch(layers[:2])
     path = {(0, 1): straight(41, 80)}
     soft, feather, hard = (
-        ts.restitch(layers[:2], before.masks, path, blend=blend).image
+        ts.layers.restitch(layers[:2], before.masks, path, blend=blend).image
         for blend in ("soft", "feather", "none")
     )
     np.testing.assert_array_equal(soft, feather)
@@ -52,9 +52,11 @@ def test_soft_blending_feathers_along_a_path(layers):
 
 def test_a_path_that_does_not_part_names_the_pair(layers):
     masks = ts.stitch(layers).masks
-    drawing = ts.SvgSeam((ts.Polyline([(35, 10), (37, 12), (35, 14)], closed=True),), 110, 40, None, ("x",))
+    drawing = ts.vector.SvgSeam(
+        (ts.vector.Polyline([(35, 10), (37, 12), (35, 14)], closed=True),), 110, 40, None, ("x",)
+    )
     with pytest.raises(ts.PathError, match="left : middle: the path does not separate"):
-        ts.restitch(layers, masks, {(0, 1): drawing})
+        ts.layers.restitch(layers, masks, {(0, 1): drawing})
 
 
 @pytest.mark.parametrize(
@@ -69,4 +71,4 @@ def test_what_does_not_fit_is_refused(layers, change, phrase):
     masks = ts.stitch(layers).masks[: change.get("masks", 3)]
     paths = {change.get("pair", (0, 1)): straight(41, change.get("width", 110))}
     with pytest.raises(ts.TopoSeamError, match=phrase):
-        ts.restitch(layers, masks, paths)
+        ts.layers.restitch(layers, masks, paths)

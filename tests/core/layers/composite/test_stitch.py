@@ -52,8 +52,8 @@ def test_a_layer_across_the_joint_of_two_shows_only_with_a_core(place):
     patch = ts.Layer(np.ascontiguousarray(layers[0].image[30:5:-1, 34:8:-1]), at=(22, 6), name="patch")
     layers.insert(place, patch)
     assert ts.stitch(layers).hidden == (place,)
-    assert ts.compose(layers).hidden == (place,)
-    for composed in (ts.compose(layers, core=0.5), ts.stitch(layers, core=0.5)):
+    assert ts.layers.compose(layers).hidden == (place,)
+    for composed in (ts.layers.compose(layers, core=0.5), ts.stitch(layers, core=0.5)):
         assert composed.hidden == ()
     assert ts.stitch(layers, core=0.5).masks[place][18, 35]
     assert_whole(ts.stitch(layers, core=0.5), layers)
@@ -270,10 +270,10 @@ def test_a_path_replaces_the_search(tmp_path):
     layers = [crop(0, 0), crop(25, 4)]
     found = ts.stitch(layers)
     found.seams[0].to_svg(tmp_path / "seam.svg")
-    again = ts.stitch(layers, use_path=ts.read_svg(tmp_path / "seam.svg"))
+    again = ts.stitch(layers, use_path=ts.vector.read_svg(tmp_path / "seam.svg"))
     np.testing.assert_array_equal(again.image, found.image)
     assert again.seams[0].cost == found.seams[0].cost
-    assert again.seams[0].termination == ts.Termination.GIVEN
+    assert again.seams[0].termination == ts.optimize.Termination.GIVEN
 
 
 def test_progress_grows_to_one():
@@ -341,7 +341,7 @@ def test_a_picture_of_pillow_brings_its_opacity():
 def test_options_may_come_as_one_value():
     layers = [crop(0, 0), crop(25, 0), crop(50, 0)]
     plain = ts.stitch(layers, tolerance=0.5)
-    given = ts.stitch(layers, options=ts.HeatOptions(tolerance=0.5))
+    given = ts.stitch(layers, options=ts.seam.HeatOptions(tolerance=0.5))
     assert [seam.settings["tolerance"] for seam in given.seams] == [0.5, 0.5]
     np.testing.assert_array_equal(given.image, plain.image)
 
@@ -358,11 +358,11 @@ def test_results_are_one_line_and_show_themselves(tmp_path):
 
 @pytest.mark.parametrize("name", ["match_tones", "match_shading"])
 def test_tones_are_matched_or_not(name):
-    layers = ts.overlapping(*RNG.random((2, 20, 30)), overlap=8)
+    layers = ts.layers.overlapping(*RNG.random((2, 20, 30)), overlap=8)
     with pytest.raises(ts.OptionError, match=rf"{name} is .*; choose one of True, False"):
         ts.stitch(layers, **{name: np.ones((2, 2))})
     with pytest.raises(ts.OptionError, match=r"shading is .*; choose one of True, False"):
-        ts.match_tones(layers, shading=np.ones((2, 2)))
+        ts.layers.match_tones(layers, shading=np.ones((2, 2)))
 
 
 def test_a_written_seam_is_applied_as_it_was_found():
@@ -375,6 +375,6 @@ def test_a_written_seam_is_applied_as_it_was_found():
     for method in ("thesis", "heat"):
         found = ts.stitch(layers, method=method)
         assert found.seams[0].paths
-        again = ts.stitch(layers, use_path=ts.read_svg(found.seams[0].to_svg()))
+        again = ts.stitch(layers, use_path=ts.vector.read_svg(found.seams[0].to_svg()))
         np.testing.assert_array_equal(again.label_map, found.label_map)
         np.testing.assert_array_equal(again.image, found.image)

@@ -124,7 +124,7 @@ def six_layers(*, alpha=False, seed=3):
 
 
 def same(layers, executor, **options):
-    here, there = (ts.compose(layers, executor=one, **options) for one in (None, executor))
+    here, there = (ts.layers.compose(layers, executor=one, **options) for one in (None, executor))
     whole = slice(None), slice(None)
     np.testing.assert_array_equal(here.labels(*whole), there.labels(*whole))
     assert (here.pairs, here.rounds) == (there.pairs, there.rounds)
@@ -190,7 +190,7 @@ def test_items_say_where_pixels_are_and_carry_none(large):
     """No item is as large as a single layer's pixels, of which there are six."""
     executor = Elsewhere()
     layers = six_layers()
-    ts.compose(layers, executor=executor, match_tones=True, blend="multiband", blend_width=8)
+    ts.layers.compose(layers, executor=executor, match_tones=True, blend="multiband", blend_width=8)
     assert executor.largest < layers[0].image.everywhere[layers[0].image.number].nbytes
 
 
@@ -217,7 +217,7 @@ def test_pictures_are_aligned_the_same():
     layers = six_layers()
     moved = [replace(layer, at=(layer.at[0] + k % 3, layer.at[1] - k)) for k, layer in enumerate(layers)]
     executor = Elsewhere()
-    here, there = (ts.align(moved, radius=8, executor=one) for one in (None, executor))
+    here, there = (ts.layers.align(moved, radius=8, executor=one) for one in (None, executor))
     np.testing.assert_array_equal(here.shifts, there.shifts)
     assert (here.shifts != 0).any()
     assert here.correlations == there.correlations
@@ -225,7 +225,10 @@ def test_pictures_are_aligned_the_same():
 
 
 @pytest.mark.parametrize("executor", [3, "two", ThreadPoolExecutor])
-@pytest.mark.parametrize("door", [ts.compose, ts.correlations, ts.match_tones, ts.find_places, ts.align])
+@pytest.mark.parametrize(
+    "door",
+    [ts.layers.compose, ts.layers.correlations, ts.layers.match_tones, ts.find_places, ts.layers.align],
+)
 def test_what_does_no_work_is_refused(door, executor):
     picture = np.zeros((20, 30), np.uint8)
     with pytest.raises(ts.OptionError, match="executor is of type"):

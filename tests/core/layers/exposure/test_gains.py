@@ -53,7 +53,7 @@ def exposures(dtype=np.uint8, most=0.6, ratio=1.5, overlap=60):
 @pytest.mark.parametrize("dtype", DTYPES)
 def test_two_exposures_are_matched_to_a_gray_level(dtype):
     scene, layers = exposures(dtype)
-    first, second = ts.match_tones(layers)
+    first, second = ts.layers.match_tones(layers)
     assert np.abs(levels(layers[0])[:, 50:] - levels(layers[1])[:, :60]).max() > 20
     for layer, x in ((first, 0), (second, 50)):
         assert layer.image.dtype == dtype
@@ -98,7 +98,7 @@ def test_highlights_agree_too_and_do_not_burn_out(dtype):
         ts.Layer(rendered(scene[:, :110], dtype)),
         ts.Layer(rendered(scene[:, 50:] * 0.8, dtype), at=(50, 0)),
     ]
-    first, second = (levels(layer) for layer in ts.match_tones(layers))
+    first, second = (levels(layer) for layer in ts.layers.match_tones(layers))
     assert np.abs(first[:, 50:] - second[:, :60]).max() < 3
     beyond = scene[:, 110:] > 1
     assert encoded(scene[:, 110:] * np.sqrt(0.8))[beyond].max() > 1.02
@@ -130,7 +130,7 @@ def test_floats_far_beyond_white_are_light_and_only_multiplied():
     scene = np.random.default_rng(2).exponential(0.5, (40, 100, 3))
     first, second = scene[:, :70], scene[:, 30:] * 1.44
     layers = [ts.Layer(image, at=(x, 0), data_range=1.0) for image, x in ((first, 0), (second, 30))]
-    left, right = ts.match_tones(layers)
+    left, right = ts.layers.match_tones(layers)
     np.testing.assert_allclose(left.image, first * 1.2)
     np.testing.assert_allclose(right.image, second / 1.2)
 
@@ -139,7 +139,7 @@ def test_floats_that_ring_a_little_beyond_white_keep_that():
     light = np.random.default_rng(2).uniform(0.05, 0.5, (40, 60))
     ringing = rendered(light, np.float32)
     ringing[:3, :3], ringing[5, 5] = 1.02, -0.01
-    first, _ = ts.match_tones([ts.Layer(ringing), ts.Layer(rendered(light / 1.3, np.float32))])
+    first, _ = ts.layers.match_tones([ts.Layer(ringing), ts.Layer(rendered(light / 1.3, np.float32))])
     assert first.image.max() > 1.0
     assert -0.02 < first.image.min() < 0
 
@@ -164,7 +164,9 @@ def test_tables_and_fields_give_what_reckoning_gives(dtype, gain, top, even):
 def test_burnt_out_white_stays_white_and_mid_tones_do_not():
     bright = np.full((40, 60), 200, np.uint8)
     bright[:10], bright[10:20] = 255, round(255 * (WHITE - 0.05))
-    first, _ = ts.match_tones([ts.Layer(bright), ts.Layer((bright * 0.5).astype(np.uint8), at=(30, 0))])
+    first, _ = ts.layers.match_tones(
+        [ts.Layer(bright), ts.Layer((bright * 0.5).astype(np.uint8), at=(30, 0))]
+    )
     assert (first.image[:10] == 255).all()
     assert (first.image[10:20] < bright[10, 0] - 20).all()
     assert (first.image[20:] < 180).all()
@@ -172,7 +174,7 @@ def test_burnt_out_white_stays_white_and_mid_tones_do_not():
 
 def test_between_white_and_what_is_below_it_gains_let_go_evenly():
     ramp = np.tile(np.arange(256, dtype=np.uint8), (40, 1))
-    first, _ = ts.match_tones([ts.Layer(ramp), ts.Layer((ramp * 0.6).astype(np.uint8))])
+    first, _ = ts.layers.match_tones([ts.Layer(ramp), ts.Layer((ramp * 0.6).astype(np.uint8))])
     row = first.image[0].astype(int)
     assert row[-1] == 255
     assert (np.diff(row) >= 0).all()
@@ -194,7 +196,7 @@ def test_gains_are_the_same_in_every_depth(dtype, white):
         ts.Layer(np.full((20, 30), round(share * full), dtype), at=(x, 0), data_range=white)
         for share, x in ((0.4, 0), (0.5, 20))
     ]
-    first, second = ts.match_tones(layers)
+    first, second = ts.layers.match_tones(layers)
     assert abs(first.image[0, 0] / full - second.image[0, 0] / full) <= 1.5 / 255
     assert first.image[0, 0] / full == pytest.approx(np.sqrt(0.4 * 0.5), abs=0.005)
 
@@ -203,8 +205,8 @@ def test_gains_are_the_same_in_every_depth(dtype, white):
 def test_layers_of_which_nobody_knows_what_is_white_are_refused(dtype):
     values = np.full((20, 30), 200, dtype)
     with pytest.raises(ts.ImageError, match="say with data_range="):
-        ts.match_tones([ts.Layer(values), ts.Layer(values, at=(20, 0))])
-    first, _ = ts.match_tones(
+        ts.layers.match_tones([ts.Layer(values), ts.Layer(values, at=(20, 0))])
+    first, _ = ts.layers.match_tones(
         [ts.Layer(values, data_range=255), ts.Layer(values, at=(20, 0), data_range=255)]
     )
     assert (first.image == 200).all()

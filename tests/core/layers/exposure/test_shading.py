@@ -58,15 +58,15 @@ def off(layers, whole):
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
 def test_what_the_lens_darkens_is_taken_out(dtype):
     layers, whole = frames(dtype=dtype)
-    before = np.quantile(off(ts.match_tones(layers), whole), 0.9)
-    after = np.quantile(off(ts.match_tones(layers, shading=True), whole), 0.9)
+    before = np.quantile(off(ts.layers.match_tones(layers), whole), 0.9)
+    after = np.quantile(off(ts.layers.match_tones(layers, shading=True), whole), 0.9)
     assert before > 0.06
     assert after < 0.02
 
 
 def test_the_middle_keeps_its_brightness():
     layers, _ = frames(gains=(1.0, 1.0, 1.0, 1.0))
-    for before, after in zip(layers, ts.match_tones(layers, shading=True), strict=True):
+    for before, after in zip(layers, ts.layers.match_tones(layers, shading=True), strict=True):
         middle = np.s_[110:130, 110:130]
         assert np.asarray(after.image)[middle].mean() / before.image[middle].mean() == pytest.approx(
             1, abs=0.02
@@ -75,7 +75,7 @@ def test_the_middle_keeps_its_brightness():
 
 def test_an_even_lens_gets_an_even_field_although_things_moved():
     layers, _ = frames(share=0.0)
-    even, field = ts.match_tones(layers), ts.match_tones(layers, shading=True)
+    even, field = ts.layers.match_tones(layers), ts.layers.match_tones(layers, shading=True)
     for one, other in zip(even, field, strict=True):
         difference = np.asarray(one.image).astype(int) - np.asarray(other.image)
         assert np.abs(np.median(difference)) <= 1
@@ -100,7 +100,7 @@ def test_nothing_bright_burns_out_in_the_corners():
         image = np.asarray(layer.image).copy()
         image[4:24, 4:24] = 235
         bright.append(ts.Layer(image, at=layer.at, name=layer.name))
-    for layer in ts.match_tones(bright, shading=True):
+    for layer in ts.layers.match_tones(bright, shading=True):
         assert (
             np.asarray(layer.image) == 255
         ).mean() < 0.003  # of 0.007; a thousandth may, and some are rounded up
@@ -110,7 +110,7 @@ def test_two_pictures_side_by_side_determine_vertical_shading():
     """Which no overlap does: fields go round the middle."""
     layers, whole = frames(gains=(1.0, 1.0), objects=False)
     assert np.quantile(off(layers, whole), 0.9) > 0.07
-    assert np.quantile(off(ts.match_tones(layers, shading=True), whole), 0.9) < 0.03
+    assert np.quantile(off(ts.layers.match_tones(layers, shading=True), whole), 0.9) < 0.03
 
 
 def test_canvases_of_warped_pictures_are_told_from_pictures():
@@ -124,7 +124,7 @@ def test_canvases_of_warped_pictures_are_told_from_pictures():
         mask = np.pad(np.ones((SIDE, SIDE), bool), pads)
         warped.append(ts.Layer(np.pad(layer.image, pads), mask=mask))
     for layer, canvas in zip(
-        ts.match_tones(layers, shading=True), ts.match_tones(warped, shading=True), strict=True
+        ts.layers.match_tones(layers, shading=True), ts.layers.match_tones(warped, shading=True), strict=True
     ):
         x, y = layer.at
         np.testing.assert_array_equal(canvas.image[y : y + SIDE, x : x + SIDE], layer.image)

@@ -266,7 +266,7 @@ def test_kept_tables_of_all_sizes_equal_reduced_costs(monkeypatch, most, togethe
     photograph = data.coffee()[:150, :400]
     cuts = [(0, 200), (100, 240), (190, 330), (310, 400)]  # of which the first two have most in common
     layers = [ts.Layer(photograph[:, a:b].copy() // (k + 1), at=(a, k)) for k, (a, b) in enumerate(cuts)]
-    fine = posed(layers, match=ts.MatchCost(reach=16))
+    fine = posed(layers, match=ts.seam.MatchCost(reach=16))
     one = [fine]
     for _ in range(3):
         one.append(reduced(one[-1]))
@@ -275,7 +275,7 @@ def test_kept_tables_of_all_sizes_equal_reduced_costs(monkeypatch, most, togethe
     executor = Order()
     table, where = reduction._table, []
     monkeypatch.setattr(reduction, "_table", lambda cost: where.append(executor.at_work) or table(cost))
-    fine = posed(layers, match=ts.MatchCost(reach=16))
+    fine = posed(layers, match=ts.seam.MatchCost(reach=16))
     tables = reduction.Tables(fine.costs, 3, executor, 0.6)
     sizes = [fine]
     for _ in range(3):

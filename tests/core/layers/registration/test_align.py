@@ -33,7 +33,7 @@ def crops(places=PLACES, off=6, seed=0, size=(220, 240), noise=6):
 @pytest.mark.parametrize("off", [3, 14])
 def test_known_shifts_are_found_again(seed, off):
     layers, errors = crops(off=off, seed=seed)
-    aligned = ts.align(layers)
+    aligned = ts.layers.align(layers)
     np.testing.assert_array_equal(aligned.shifts, -errors)
     assert [layer.at for layer in aligned.layers] == PLACES
     assert min(aligned.correlations.values()) > 0.5
@@ -44,7 +44,7 @@ def test_large_overlaps_are_compared_on_a_coarser_scale_first(monkeypatch):
 
     monkeypatch.setattr(align, "_COARSE_PIXELS", 4000)
     layers, errors = crops(off=14)
-    np.testing.assert_array_equal(ts.align(layers).shifts, -errors)
+    np.testing.assert_array_equal(ts.layers.align(layers).shifts, -errors)
 
 
 def test_narrow_strips_and_transparency():
@@ -54,7 +54,7 @@ def test_narrow_strips_and_transparency():
     layers[1] = ts.Layer(
         image=np.where(alpha[..., None] > 0, layers[1].image, 77), alpha=alpha, at=layers[1].at
     )
-    np.testing.assert_array_equal(ts.align(layers).shifts, -errors)
+    np.testing.assert_array_equal(ts.layers.align(layers).shifts, -errors)
 
 
 @pytest.mark.parametrize("shift", [(0, 9), (-9, 0)])
@@ -72,19 +72,21 @@ def test_what_agrees_with_nothing_is_refused():
     with pytest.raises(
         ts.OverlapError, match=r"stranger cannot be aligned: within 32 px .* \(the best correlation is"
     ):
-        ts.align([*layers, stranger])
+        ts.layers.align([*layers, stranger])
     far = ts.Layer(image=layers[0].image, at=(5000, 0), name="far")
     with pytest.raises(ts.OverlapError, match=r"far cannot be aligned.*it overlaps none of them"):
-        ts.align([*layers, far])
+        ts.layers.align([*layers, far])
     flat = ts.Layer(image=np.full((220, 240, 3), 9, np.uint8), at=(100, 0), name="flat")
     with pytest.raises(ts.OverlapError, match="flat cannot be aligned"):
-        ts.align([layers[0], flat])
+        ts.layers.align([layers[0], flat])
     with pytest.raises(ts.OverlapError, match="picture 1 cannot be aligned: within 4 px"):
-        ts.align([layers[0], ts.Layer(image=layers[1].image, at=(170, 10), name="picture 1")], radius=4)
+        ts.layers.align(
+            [layers[0], ts.Layer(image=layers[1].image, at=(170, 10), name="picture 1")], radius=4
+        )
     with pytest.raises(ts.OptionError, match="at least 1"):
-        ts.align(layers, radius=0)
+        ts.layers.align(layers, radius=0)
     with pytest.raises(ts.OptionError, match="at least two"):
-        ts.align(layers[:1])
+        ts.layers.align(layers[:1])
 
 
 def shifts_of(places, wrong, evidence=10.0):

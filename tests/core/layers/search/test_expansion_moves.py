@@ -33,7 +33,7 @@ def four(seed=0):
     for x, y in ((0, 0), (30, 4), (6, 28), (33, 30)):
         crop = photograph[y : y + 50, x : x + 60].astype(int) + rng.integers(-25, 26, (50, 60, 3))
         layers.append(ts.Layer(np.clip(crop, 0, 255).astype(np.uint8), at=(x, y), name=f"{x},{y}"))
-    canvas = ts.common_canvas(layers)
+    canvas = ts.layers.common_canvas(layers)
     covers = exclusive_covers(layers, [canvas.place(layer) for layer in layers], canvas)
     return pose_labelling(layers, canvas, covers)
 

@@ -51,7 +51,7 @@ def pile(seed, alike):
 
 
 def labelling_of(layers, match=None):
-    canvas = ts.common_canvas(layers)
+    canvas = ts.layers.common_canvas(layers)
     covers = exclusive_covers(layers, [canvas.place(layer) for layer in layers], canvas)
     return pose_labelling(layers, canvas, covers, match=match)
 
@@ -95,7 +95,7 @@ def problem_of(labelling, search=FAST, executor=None):
 @pytest.mark.medium
 @pytest.mark.parametrize("seed", [3, 5])
 def test_best_costs_no_more_than_fast_and_is_a_local_optimum(seed):
-    labelling = labelling_of(pile(seed, alike=True), ts.MatchCost(law="gradient"))
+    labelling = labelling_of(pile(seed, alike=True), ts.seam.MatchCost(law="gradient"))
     totals = {}
     for search in (FAST, BEST):
         found, report = minimise(problem_of(labelling, search), range(len(labelling.places)), 20, False)
@@ -201,8 +201,8 @@ def test_no_hole_no_double_cover_no_pixel_unassigned(rectangles, holes, blend):
     reach = reach_of(blend, None)
     if len(layers) == 2 and reach:
         return  # their window is that of the overlap, cells lie elsewhere
-    total = labelling_of(layers, ts.MatchCost(reach=reach)).total(
-        label_map_of(stitched), ts.common_canvas(layers).box
+    total = labelling_of(layers, ts.seam.MatchCost(reach=reach)).total(
+        label_map_of(stitched), ts.layers.common_canvas(layers).box
     )
     assert stitched.cost == pytest.approx(total, rel=1e-5, abs=1e-6)
 
@@ -225,9 +225,9 @@ def test_seams_say_which_layers_they_divide():
 def test_svg_names_the_pairs():
     layers = pile(5, alike=True)
     stitched = ts.stitch(layers)
-    drawing = ts.read_svg(stitched.to_svg())
+    drawing = ts.vector.read_svg(stitched.to_svg())
     assert set(drawing.names) == {
-        ts.pair_name(str(i), str(j))
+        ts.layers.pair_name(str(i), str(j))
         for (i, j), seam in zip(stitched.pairs, stitched.seams, strict=True)
         if seam.paths
     }
@@ -310,7 +310,7 @@ def test_excluded_pixels_blocking_a_seam_of_many_are_refused():
     avoid = np.zeros((60, 130), bool)
     avoid[28:32] = True
     with pytest.raises(ts.OverlapError, match="no seam avoids the pixels you excluded"):
-        ts.compose(layers, avoid=avoid)
+        ts.layers.compose(layers, avoid=avoid)
 
 
 def test_seams_of_many_are_made_once_when_they_are_asked_for(monkeypatch):
@@ -332,17 +332,17 @@ def test_seams_of_many_are_made_once_when_they_are_asked_for(monkeypatch):
 def test_a_given_seam_of_one_pair_is_kept_and_others_are_found():
     layers = three()
     svg = '<svg xmlns="http://www.w3.org/2000/svg" width="110" height="95"><path d="M55 0 V95"/></svg>'
-    stitched = ts.stitch(layers, use_path={(1, 0): ts.read_svg(svg)})
+    stitched = ts.stitch(layers, use_path={(1, 0): ts.vector.read_svg(svg)})
     label_map = label_map_of(stitched)
     overlap = label_map[5:35, 40:70]  # of a and b only
     assert (overlap[:28, :15] == 0).all()
     assert (overlap[1:28, 15:] == 1).all()  # in row 0 b ends, and a shows
     given = stitched.seams[stitched.pairs.index((0, 1))]
     assert given.method == "path"
-    assert given.termination == ts.Termination.GIVEN
+    assert given.termination == ts.optimize.Termination.GIVEN
     assert given.cost > 0
     with pytest.raises(ts.OptionError, match="choose two different ones from 0 to 2"):
-        ts.stitch(layers, use_path={(0, 3): ts.read_svg(svg)})
+        ts.stitch(layers, use_path={(0, 3): ts.vector.read_svg(svg)})
 
 
 @pytest.mark.parametrize(("step", "columns"), [(0, [1, 2, 3, 4]), (1, [3, 4])])

@@ -20,7 +20,7 @@ def three() -> Labelling:
     for x, y in corners:
         crop = photograph[y : y + 85, x : x + 130] * 0.8 + rng.normal(20, 12, (85, 130, 3))
         layers.append(ts.Layer(np.clip(crop, 0, 255).astype(np.uint8), at=(x, y), name=str(x)))
-    extent = ts.common_canvas(layers)
+    extent = ts.layers.common_canvas(layers)
     covered = exclusive_covers(layers, [extent.place(layer) for layer in layers], extent)
     return pose_labelling(layers, extent, covered)
 

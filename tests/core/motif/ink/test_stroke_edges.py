@@ -22,12 +22,12 @@ def motif_of(density, edge, repeat="translate"):
     """A motif whose only layer is a given density, black on white."""
     import dataclasses
 
-    recipe = ts.random_recipe(
+    recipe = ts.motif.random_recipe(
         len(density),
         layers=1,
         repeat=repeat,
         seed=1,
-        palette=ts.Palette(paper=np.ones(3), inks=np.zeros((1, 3))),
+        palette=ts.motif.Palette(paper=np.ones(3), inks=np.zeros((1, 3))),
     )
     layer = dataclasses.replace(recipe.layers[0], edge=edge)
     recipe = dataclasses.replace(recipe, layers=(layer,), iterations=1)
@@ -157,6 +157,6 @@ def test_haze_is_drawn_between_soft_strokes_only():
 def test_edges_go_on_across_the_border(repeat):
     motif = ts.generate_motif(48, layers=1, repeat=repeat, seed=2, iterations=20, edge="crisp")
     rows, columns = motif.densities.shape[1:]
-    sheet = ts.repeat_densities(motif, (2, 2), size=(5 * rows, 5 * columns))[0]
+    sheet = ts.motif.repeat_densities(motif, (2, 2), size=(5 * rows, 5 * columns))[0]
     steps = np.abs(np.diff(sheet, axis=0)).mean(axis=1)
     assert steps[5 * rows - 1] <= 1.05 * np.percentile(steps, 99)

@@ -17,7 +17,7 @@ EXACT = {"tolerance": 1e-12, "max_iterations": 300}
 
 
 def _recipe(size=48, **options):
-    return ts.random_recipe(size, layers=1, **options)
+    return ts.motif.random_recipe(size, layers=1, **options)
 
 
 @pytest.mark.parametrize("repeat", ["none", "translate", "rotate", "p6m", "p3"])
@@ -72,7 +72,7 @@ def test_designs_are_as_good_as_with_exact_temperatures(repeat, monkeypatch):
 
 
 def test_layers_share_what_the_base_image_makes_of_a_plate():
-    recipe = ts.random_recipe(32, layers=2, repeat="p4", base=np.linspace(0, 1, 400).reshape(20, 20))
+    recipe = ts.motif.random_recipe(32, layers=2, repeat="p4", base=np.linspace(0, 1, 400).reshape(20, 20))
     first, second = (problem_at(layer, recipe, (32, 32)).nominal for layer in recipe.layers)
     assert first is second
     with pytest.raises(ValueError, match="read-only"):
@@ -186,10 +186,10 @@ def test_the_thesis_s_law_conducts_in_proportion_to_brightness():
     np.testing.assert_allclose(
         nominal_conductivity(brightness, -0.5, (2, 2), "brightness"), [[1, 0.875], [0.75, 0.5 + 0.5 * VOID]]
     )
-    made = ts.random_recipe(16, base=brightness, base_law="brightness")
+    made = ts.motif.random_recipe(16, base=brightness, base_law="brightness")
     assert made.base_law == "brightness"
     with pytest.raises(ts.OptionError, match="base_law"):
-        ts.random_recipe(16, base=brightness, base_law="thesis")
+        ts.motif.random_recipe(16, base=brightness, base_law="thesis")
 
 
 def test_a_finer_plate_starts_from_interpolated_temperatures():
@@ -200,5 +200,5 @@ def test_a_finer_plate_starts_from_interpolated_temperatures():
 
 @pytest.mark.parametrize(("radius", "plates"), [(2.5, 2), (2.49, 1)])
 def test_coarser_plates_are_used_from_a_filter_of_2_5_elements(radius, plates):
-    recipe = replace(ts.random_recipe(100, layers=1, seed=1), filter_radius=radius)
+    recipe = replace(ts.motif.random_recipe(100, layers=1, seed=1), filter_radius=radius)
     assert len(plan(recipe)) == plates

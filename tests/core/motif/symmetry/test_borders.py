@@ -16,18 +16,18 @@ def noise(seed=0, side=96):
 
 def test_a_dark_line_is_visible_on_the_border_only():
     field = noise()
-    plain = ts.border_visibility(field, (32, 32))
+    plain = ts.motif.border_visibility(field, (32, 32))
     for axis in (0, 1):
         dark = np.moveaxis(field.copy(), axis, 0)
         dark[::32] *= 0.4
-        assert ts.border_visibility(np.moveaxis(dark, 0, axis), (32, 32)) > 1.5 > plain
+        assert ts.motif.border_visibility(np.moveaxis(dark, 0, axis), (32, 32)) > 1.5 > plain
     inside = field.copy()
     inside[10::32] *= 0.5
-    assert ts.border_visibility(inside, (32, 32)) <= plain
+    assert ts.motif.border_visibility(inside, (32, 32)) <= plain
 
 
 def test_plain_noise_exceeds_the_95th_percentile_at_its_rate():
-    above = [ts.border_visibility(noise(seed), (96, 96)) > 1 for seed in range(100)]
+    above = [ts.motif.border_visibility(noise(seed), (96, 96)) > 1 for seed in range(100)]
     assert 3 <= sum(above) <= 20  # of 200 lines about ten; two lines a picture
 
 
@@ -54,11 +54,11 @@ def test_joined_motifs_show_no_borders():
     """
     for seeds in ((1, 2), (5, 8), (7, 9), (3, 4)):
         recipes = [
-            ts.random_recipe(96, seed=seed, layers=2, repeat="translate", palette="sea", iterations=25)
+            ts.motif.random_recipe(96, seed=seed, layers=2, repeat="translate", palette="sea", iterations=25)
             for seed in seeds
         ]
-        assert ts.join_motifs(recipes).visibility() <= 1.0
-        assert ts.join_motifs(recipes, shared=0).visibility() <= 1.0
+        assert ts.motif.join_motifs(recipes).visibility() <= 1.0
+        assert ts.motif.join_motifs(recipes, shared=0).visibility() <= 1.0
 
 
 @pytest.mark.medium
@@ -66,18 +66,18 @@ def test_joined_motifs_show_no_borders():
 def test_no_step_of_tone_shows_where_motifs_share_no_border(number, seeds):
     """Those that showed one in `benchmarks/borders.py`: one motif is wash, and darker on one side."""
     recipes = [
-        ts.random_recipe(96, seed=seed, layers=2, repeat="translate", palette="sea", iterations=25)
+        ts.motif.random_recipe(96, seed=seed, layers=2, repeat="translate", palette="sea", iterations=25)
         for seed in seeds
     ]
-    motifs = ts.join_motifs(recipes, shared=0).motifs
+    motifs = ts.motif.join_motifs(recipes, shared=0).motifs
     for seed in range(3):
-        laid = ts.arrange(motifs, (4, 4), seed=100 * number + seed)
+        laid = ts.motif.arrange(motifs, (4, 4), seed=100 * number + seed)
         for plane in (*laid.coverage(), laid.image()):
-            assert ts.border_visibility(plane, (96, 96)) <= 1.0
+            assert ts.motif.border_visibility(plane, (96, 96)) <= 1.0
 
 
 def test_patterns_must_be_whole_cells():
     with pytest.raises(ts.ImageError, match="whole"):
-        ts.border_visibility(noise(), (40, 32))
+        ts.motif.border_visibility(noise(), (40, 32))
     with pytest.raises(ts.OptionError, match="cell"):
-        ts.border_visibility(noise(), (2, 2))
+        ts.motif.border_visibility(noise(), (2, 2))

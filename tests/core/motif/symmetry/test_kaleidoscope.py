@@ -18,7 +18,7 @@ def photograph():
 
 @pytest.mark.parametrize("repeat", [group for group in GROUPS if group in GENERATORS])
 def test_the_cell_has_the_group(photograph, repeat):
-    cell = ts.kaleidoscope(np.clip(photograph, 0, 1), repeat, (48, 48)).reshape(-1, 3)
+    cell = ts.motif.kaleidoscope(np.clip(photograph, 0, 1), repeat, (48, 48)).reshape(-1, 3)
     for operation in operations(repeat):
         image = permutation(operation, (48, 48)).ravel()
         np.testing.assert_allclose(cell[image], cell, atol=2e-6)
@@ -28,7 +28,7 @@ def test_the_cell_has_the_group(photograph, repeat):
 def test_hexagonal_cells_turn_by_their_angle(photograph, repeat):
     from scipy.ndimage import affine_transform
 
-    cell = ts.kaleidoscope(np.clip(photograph, 0, 1), repeat, (2, 120), feather=0.05)[..., 0]
+    cell = ts.motif.kaleidoscope(np.clip(photograph, 0, 1), repeat, (2, 120), feather=0.05)[..., 0]
     assert cell.shape == (208, 120)
     pattern = np.tile(cell, (3, 5)).astype(float)
     centre = np.array([208 - 0.5, 240 - 0.5])  # a lattice point
@@ -41,7 +41,7 @@ def test_hexagonal_cells_turn_by_their_angle(photograph, repeat):
 
 def test_the_middle_is_the_picture_itself(photograph):
     picture = np.clip(photograph, 0, 1)
-    cell = ts.kaleidoscope(picture, "p1", (60, 80), at=(90, 70))
+    cell = ts.motif.kaleidoscope(picture, "p1", (60, 80), at=(90, 70))
     y, x = 11, 24  # about the centre of the domain, (0.29, 0.17) of the cell
     away = np.array([y + 0.5 - 0.17 * 60, x + 0.5 - 0.29 * 80])
     from scipy.ndimage import map_coordinates
@@ -57,7 +57,7 @@ def test_a_feather_takes_the_edge_off_the_borders(photograph, repeat):
     picture = np.clip(photograph, 0, 1)
     steps = [
         np.abs(
-            np.diff(np.tile(ts.kaleidoscope(picture, repeat, (64, 64), feather=f), (2, 2, 1)), axis=0)
+            np.diff(np.tile(ts.motif.kaleidoscope(picture, repeat, (64, 64), feather=f), (2, 2, 1)), axis=0)
         ).max()
         for f in (0.0, 0.05)
     ]
@@ -65,7 +65,7 @@ def test_a_feather_takes_the_edge_off_the_borders(photograph, repeat):
 
 
 def test_gray_pictures_stay_gray_and_bad_ones_are_refused():
-    assert ts.kaleidoscope(np.ones((20, 20)), "p2", (8, 8)).shape == (8, 8)
+    assert ts.motif.kaleidoscope(np.ones((20, 20)), "p2", (8, 8)).shape == (8, 8)
     for options, text in (
         ({"repeat": "rotate"}, "repeat"),
         ({"cell": (0, 4)}, "cell"),
@@ -75,4 +75,12 @@ def test_gray_pictures_stay_gray_and_bad_ones_are_refused():
     ):
         given = {"repeat": "p2", "cell": (8, 8)} | options
         with pytest.raises(ts.OptionError, match=text):
-            ts.kaleidoscope(np.ones((20, 20)), given.pop("repeat"), given.pop("cell"), **given)
+            ts.motif.kaleidoscope(np.ones((20, 20)), given.pop("repeat"), given.pop("cell"), **given)
+
+
+def test_progress_rises_to_the_end():
+    shares = []
+    ts.motif.kaleidoscope(np.zeros((8, 8)), "p4m", (600, 600), progress=shares.append)
+    assert shares == sorted(shares)
+    assert len(shares) > 1
+    assert shares[-1] == 1

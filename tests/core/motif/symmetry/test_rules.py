@@ -111,7 +111,7 @@ def _steps(picture, axis):
 
 
 @pytest.mark.medium
-@pytest.mark.parametrize("repeat", [r for r in ts.REPEATS if r != "none"])
+@pytest.mark.parametrize("repeat", [r for r in ts.motif.REPEATS if r != "none"])
 def test_no_border_can_be_seen(repeat):
     """The colour step's 99th percentile across a border is at most that across the most conspicuous line of
     the same length inside.
@@ -141,11 +141,11 @@ def test_borders_of_the_thesis_rules_are_calmer_than_the_inside(repeat):
 
 def test_copies_of_reflect_and_rotate_meet_their_images():
     cell = _motif("reflect").coverage()
-    pattern = ts.repeat_densities(_motif("reflect"), (2, 2))
+    pattern = ts.motif.repeat_densities(_motif("reflect"), (2, 2))
     assert np.array_equal(pattern[:, :48, 48:], cell[..., ::-1])
     assert np.array_equal(pattern[:, 48:, 48:], cell[..., ::-1, ::-1])
     turned = _motif("rotate")
-    pattern = ts.repeat_densities(turned, (2, 2))
+    pattern = ts.motif.repeat_densities(turned, (2, 2))
     assert np.array_equal(pattern[:, :48, 48:], turned.coverage()[..., ::-1, ::-1])
     assert np.array_equal(pattern[:, 48:, 48:], turned.coverage())
 

@@ -30,7 +30,7 @@ def test_the_optimum_costs_as_much_as_a_cut_by_flow(monkeypatch):
         rng = np.random.default_rng([1, index])
         shape = tuple(rng.integers(3, 40, 2))
         a, b = rng.random((2, *shape))
-        options = {"cost": ts.MatchCost(length=10 ** rng.uniform(-4, -1), law=ts.LAWS[index % 3])}
+        options = {"cost": ts.seam.MatchCost(length=10 ** rng.uniform(-4, -1), law=ts.seam.LAWS[index % 3])}
         if index % 4 == 1:
             options["avoid"] = rng.random(shape) < 0.05
         masks = (blob(rng, shape), blob(rng, shape)) if index % 3 else ()
@@ -119,7 +119,7 @@ def test_what_is_proven_never_lends_capacity_to_next_to_nothing():
     a = rng.random((30, 12))
     b = a.copy()
     b[::3] += 0.3
-    cost = ts.MatchCost(law="colour", length=1e-14)
+    cost = ts.seam.MatchCost(law="colour", length=1e-14)
     heat = ts.find_seam(a, b, method="heat", cost=cost)
     best = ts.find_seam(a, b, cost=cost, method="shortest-path")
     assert heat.bound <= best.cost * (1 + 1e-9)

@@ -55,7 +55,7 @@ def test_seams_stay_single_lines_near_the_optimum(shape, crops):
     ratios = []
     for seed in range(3):
         seam = ts.find_seam(*crops(np.random.default_rng([4, seed]), *size), mask_a, mask_b, method="heat")
-        assert seam.termination == ts.Termination.SINGLE_LINE
+        assert seam.termination == ts.optimize.Termination.SINGLE_LINE
         ratios.append(seam.optimum_ratio())
     # At these limits the coarsest networks have fewer nodes than a seam has pixels; a few percent is what
     # that costs.
@@ -90,7 +90,7 @@ def test_large_overlaps_of_every_topology(shape):
     assert seam.problem.grid.free.sum() > coarse.WHOLE_NODES
     assert seam.history[0].unknowns < seam.problem.grid.free.sum()
     best = ts.find_seam(a, b, *masks, method="graph-cut")
-    assert seam.termination == ts.Termination.SINGLE_LINE
+    assert seam.termination == ts.optimize.Termination.SINGLE_LINE
     assert len(seam.paths) == len(best.paths)
     assert best.cost * (1 - 1e-6) <= seam.cost <= 1.03 * best.cost
 

@@ -65,9 +65,9 @@ def test_rows_and_columns_are_those_of_the_whole():
 
 def test_what_knows_no_reach_refuses_it():
     with pytest.raises(ts.OptionError, match="reach"):
-        ts.MatchCost(reach=-1)
+        ts.seam.MatchCost(reach=-1)
     volume = np.zeros((8, 8, 8), np.uint8)
     with pytest.raises(ts.OptionError, match="surfaces do not know"):
-        ts.find_surface(volume, volume, cost=ts.MatchCost(reach=32))
+        ts.find_surface(volume, volume, cost=ts.seam.MatchCost(reach=32))
     with pytest.raises(ts.OptionError, match="textures do not know"):
-        ts.LayOptions(cost=ts.MatchCost(reach=32))
+        ts.texture.LayOptions(cost=ts.seam.MatchCost(reach=32))

@@ -28,4 +28,4 @@ def test_a_line_is_drawn_red_with_white_beside_it():
 def test_lines_on_the_far_border_are_drawn_on_the_last_pixels():
     drawn = draw_seams(np.zeros((6, 6), np.uint8), [Drawn((6, 0), (6, 6))])
     assert drawn[:, 5].any(axis=1).all()
-    assert ts.draw_seams is draw_seams
+    assert ts.seam.draw_seams is draw_seams

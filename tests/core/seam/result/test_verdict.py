@@ -36,12 +36,12 @@ def test_it_names_the_place_on_the_canvas():
 def test_seams_of_any_law_and_method_are_judged_alike():
     a, b = np.random.default_rng(0).random((2, 60, 20))
     natural = ts.find_seam(a, b)
-    assert ts.seam_verdict(natural, a, b) == natural.verdict
+    assert ts.seam.seam_verdict(natural, a, b) == natural.verdict
     for given in ({"gradient": True}, {"gradient": False}, {"method": "thesis"}):
         other = ts.find_seam(a, b, **given)
         assert other.verdict is None
         assert "likeness" not in other.summary()
-        assert ts.seam_verdict(other, a, b).mean <= natural.verdict.mean + 0.02
+        assert ts.seam.seam_verdict(other, a, b).mean <= natural.verdict.mean + 0.02
 
 
 def test_of_several_seams_the_worst_speaks_for_all():
@@ -54,11 +54,27 @@ def test_of_several_seams_the_worst_speaks_for_all():
     worst = [seam.verdict.worst for seam in stitched.seams]
     assert stitched.verdict.worst == min(worst) < 0.3
     assert 20 <= stitched.verdict.where[1] <= 30
-    assert ts.compose(layers).totals().verdict == stitched.verdict
+    assert ts.layers.compose(layers).totals().verdict == stitched.verdict
     assert ts.stitch(layers, gradient=True).verdict is None
 
 
 def test_pictures_of_another_size_are_refused():
     seam = ts.find_seam(ROWS, ROWS)
     with pytest.raises(ts.OptionError, match="pass the pictures it was found in"):
-        ts.seam_verdict(seam, ROWS[:-1], ROWS[:-1])
+        ts.seam.seam_verdict(seam, ROWS[:-1], ROWS[:-1])
+
+
+def test_a_crop_is_judged_by_what_it_shows():
+    rng = np.random.default_rng(0)
+    a = rng.random((96, 40))
+    b = a.copy()
+    b[:16] = rng.random((16, 40))
+    verdict = ts.find_seam(a, b).verdict
+    assert verdict.where[1] < 16
+    below = verdict.inside((3, 32, 37, 64))
+    assert below.unseen
+    assert below.worst == pytest.approx(1)
+    above = verdict.inside((1, 2, 39, 60))
+    assert above.where == (verdict.where[0] - 1, verdict.where[1] - 2)
+    assert verdict.inside(None) is verdict
+    assert verdict.inside((39, 0, 1, 96)).where is None

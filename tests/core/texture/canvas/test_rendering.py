@@ -66,9 +66,9 @@ def test_pixels_within_reach_of_a_seam_are_near_it_but_no_holes():
 def test_coordinates_alone_cut_other_pictures_alike(sample):
     first, second = sample(2), sample(3)
     made = ts.synthesize([first, second], 90, patch=32, tileable=True)
-    again = ts.apply_coordinates([first, second], made.source, made.exemplar, tileable=True)
+    again = ts.texture.apply_coordinates([first, second], made.source, made.exemplar, tileable=True)
     np.testing.assert_array_equal(again, made.image)
     with pytest.raises(ts.ImageError, match="point beyond"):
-        ts.apply_coordinates([first, second[:20]], made.source, made.exemplar)
+        ts.texture.apply_coordinates([first, second[:20]], made.source, made.exemplar)
     with pytest.raises(ts.ImageError, match="row and column"):
-        ts.apply_coordinates(first, made.source[..., 0])
+        ts.texture.apply_coordinates(first, made.source[..., 0])

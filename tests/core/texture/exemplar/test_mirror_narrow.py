@@ -28,7 +28,7 @@ def test_other_pictures_as_narrow_are_cut_alike():
     other = 255 - ROW
     made = ts.synthesize(ROW, (50, 60), maps=[other], level=False)
     np.testing.assert_array_equal(made.maps[0], made.apply(other, smooth=0))
-    np.testing.assert_array_equal(made.maps[0], ts.apply_coordinates(other, made.source, smooth=0))
+    np.testing.assert_array_equal(made.maps[0], ts.texture.apply_coordinates(other, made.source, smooth=0))
     np.testing.assert_array_equal(made.image, made.apply(ROW))
 
 
@@ -46,7 +46,7 @@ def test_what_belongs_to_a_row_is_as_narrow():
         patch=20,
     )
     assert made.image.shape == (40, 50, 3)
-    assert ts.natural_patch(ROW, alpha=opacity, source_mask=mask) >= 4
+    assert ts.texture.natural_patch(ROW, alpha=opacity, source_mask=mask) >= 4
 
 
 def test_wide_pictures_stay_as_they_are():

@@ -109,7 +109,7 @@ def test_maps_are_cut_alike_and_keep_their_values(lit, sample):
 @pytest.mark.medium
 def test_flattening_divides_the_light_away(lit):
     image, structure = lit
-    flat = ts.flatten_light(image)
+    flat = ts.texture.flatten_light(image)
     assert flat.dtype == np.uint8
     slow = [ndimage.gaussian_filter(one.astype(float).mean(axis=2), 16) for one in (image, flat)]
     assert np.ptp(slow[1]) < 0.15 * np.ptp(slow[0])
@@ -136,7 +136,7 @@ def test_wrong_words_are_refused(lit, option, value):
 
 def test_an_empty_mask_leaves_no_light_to_find(lit):
     with pytest.raises(ts.ImageError, match="source_mask is empty"):
-        ts.flatten_light(lit[0], source_mask=np.zeros((128, 128)))
+        ts.texture.flatten_light(lit[0], source_mask=np.zeros((128, 128)))
 
 
 def test_levelled_copies_stay_within_the_allowed_range():

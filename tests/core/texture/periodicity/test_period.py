@@ -183,7 +183,7 @@ def test_holes_tell_the_size_of_transparent_textures():
     y, x = np.mgrid[:120, :120]
     opaque = np.where((y % 16 < 5) | (x % 20 < 6), 255, 0).astype(np.uint8)
     grain = np.random.default_rng(0).integers(180, 200, y.shape).astype(np.uint8)
-    assert ts.closing_size(grain, (150, 150), alpha=opaque, transparent=True) == (144, 160)
+    assert ts.texture.closing_size(grain, (150, 150), alpha=opaque, transparent=True) == (144, 160)
 
 
 @pytest.mark.medium
@@ -203,9 +203,9 @@ def test_a_synthesis_says_which_size_would_fit():
     assert ts.synthesize(image, (192, 200), patch=40, tileable=True).fits is None
     assert ts.synthesize(image, (197, 213), patch=40, tileable=True).fits == (192, 200)
     assert ts.synthesize(image, (197, 213), patch=40).fits is None
-    assert ts.closing_size(image, (197, 213)) == (192, 200)
-    assert ts.closing_size(image, (197, 213), tileable="y") == (192, 213)
-    assert ts.closing_size(image, (190, 213), within=True) == (160, 200)
+    assert ts.texture.closing_size(image, (197, 213)) == (192, 200)
+    assert ts.texture.closing_size(image, (197, 213), tileable="y") == (192, 213)
+    assert ts.texture.closing_size(image, (190, 213), within=True) == (160, 200)
 
 
 @pytest.mark.parametrize("period", [3, 4, 10])

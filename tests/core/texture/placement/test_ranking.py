@@ -27,7 +27,7 @@ def placer():
     atlas = Atlas.of([np.ones((SIDE, SIDE), bool)], 8)
     canvas = IndexCanvas((64, 64), (False, False), atlas.usable.size)
     features = atlas.spread([image])
-    made = PatchPlacer(atlas, features, canvas, ts.LayOptions(), np.random.default_rng(1), 64 * 64)
+    made = PatchPlacer(atlas, features, canvas, ts.texture.LayOptions(), np.random.default_rng(1), 64 * 64)
     made.lay(0, 0, SHAPE)
     return made
 

@@ -42,7 +42,7 @@ def placer_on(image, index, wrap=(False, False)):
     canvas.begin(((row + top) * atlas.width + column + left).astype(np.int32))
     canvas.usage[:] = np.bincount(canvas.index.ravel(), minlength=atlas.usable.size)
     features = atlas.spread([image[..., np.newaxis]])
-    options = ts.LayOptions(copy_share=1.0, copy_patches=100)
+    options = ts.texture.LayOptions(copy_share=1.0, copy_patches=100)
     return PatchPlacer(atlas, features, canvas, options, np.random.default_rng(0), index.size)
 
 

@@ -197,7 +197,7 @@ def test_a_loop_shows_itself_in_a_line_and_a_picture():
         ({"still": np.ones((3, 4))}, "one value per pixel"),
         ({"grow": 100, "length": 10}, "leave length and start out"),
         ({"grow": 2}, "grow is 2"),
-        ({"gradient": True, "cost": ts.MatchCost()}, "leave gradient out"),
+        ({"gradient": True, "cost": ts.seam.MatchCost()}, "leave gradient out"),
         ({"level": "yes"}, "choose one of True, False"),
         ({"tolerence": 1}, "does not know"),
     ],

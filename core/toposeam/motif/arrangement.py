@@ -33,8 +33,8 @@ class Arrangement(Inked):
     --------
     >>> import toposeam as ts
     >>> given = dict(layers=1, repeat="translate", iterations=3, palette="sumi")
-    >>> recipes = [ts.random_recipe(16, seed=seed, **given) for seed in (1, 2)]
-    >>> ts.arrange(ts.join_motifs(recipes).motifs, (2, 3), seed=0).grid.shape
+    >>> recipes = [ts.motif.random_recipe(16, seed=seed, **given) for seed in (1, 2)]
+    >>> ts.motif.arrange(ts.motif.join_motifs(recipes).motifs, (2, 3), seed=0).grid.shape
     (2, 3)
     """
 

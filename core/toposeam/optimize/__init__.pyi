@@ -1,0 +1,7 @@
+from .history import Frame, Iteration, Termination
+
+__all__ = [
+    "Frame",
+    "Iteration",
+    "Termination",
+]

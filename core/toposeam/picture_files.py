@@ -1,0 +1,81 @@
+"""Results as picture files: 8 bits by Pillow, other depths by tifffile, which scikit-image brings along."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from toposeam.display import to_pil, to_rgba8
+from toposeam.errors import OptionError
+from toposeam.saving import save
+
+#: Suffixes of files, and Pillow's name of the format.
+_FORMATS = {
+    ".png": "PNG",
+    ".jpg": "JPEG",
+    ".jpeg": "JPEG",
+    ".webp": "WEBP",
+    ".tif": "TIFF",
+    ".tiff": "TIFF",
+}
+
+
+class PictureResult:
+    """A result that is a picture, and can be written as a file."""
+
+    __slots__ = ()
+
+    def save(self, path: str | Path) -> None:
+        """Write the picture as PNG, JPEG, WebP or TIFF, as the file's name ends.
+
+        An existing file is replaced. TIFF keeps every depth; the others hold 8 bits, to which pictures of
+        float values in [0, 1] are rounded, as motifs are everywhere.
+
+        Parameters
+        ----------
+        path : str or Path
+
+        Raises
+        ------
+        OptionError
+            For other endings; for integers of more than 8 bits, and what is not opaque, in formats that do
+            not keep them.
+        OSError
+            When the file cannot be written; what was there is still there.
+        """
+        save(path, _encoded(self, Path(path)))
+
+
+def _encoded(result: Any, path: Path) -> bytes:
+    kind = _FORMATS.get(path.suffix.lower())
+    if kind is None:
+        raise OptionError(f"{path.name} ends in no known format; save as {', '.join(_FORMATS)}")
+    image = to_rgba8(result.image()) if callable(result.image) else np.asarray(result.image)  # inks: 8 bits
+    alpha = getattr(result, "alpha", None)
+    buffer = io.BytesIO()
+    if kind == "TIFF":
+        import tifffile
+
+        planes = [image if image.ndim == 3 else image[..., np.newaxis]]
+        planes += [] if alpha is None else [alpha[..., np.newaxis]]
+        colour = "rgb" if planes[0].shape[2] >= 3 else "minisblack"
+        extra = ["unassalpha"] if alpha is not None else None
+        values = np.concatenate(planes, axis=2)
+        tifffile.imwrite(
+            buffer,
+            values if values.shape[2] > 1 else values[..., 0],
+            photometric=colour,
+            planarconfig="contig" if values.shape[2] > 1 else None,
+            extrasamples=extra,
+            compression="zlib",
+        )
+        return buffer.getvalue()
+    if image.dtype.kind in "iu" and image.dtype.itemsize > 1:
+        raise OptionError(f"{path.name} holds 8 bits, and the picture is {image.dtype}; save it as .tif")
+    if kind == "JPEG" and alpha is not None:
+        raise OptionError(f"{path.name} cannot be transparent, as the picture is in places; save it as .png")
+    to_pil(result).save(buffer, kind, **({"quality": 95} if kind != "PNG" else {}))
+    return buffer.getvalue()

@@ -1,0 +1,19 @@
+from .clip.loop import Loop
+from .clip.period import Jump
+from .clip.verdict import LoopVerdict
+from .find import SURFACE_METHODS
+from .heat.method import SurfaceOptions
+from .join import JoinedVolume
+from .mesh import Mesh
+from .surface import Surface
+
+__all__ = [
+    "SURFACE_METHODS",
+    "JoinedVolume",
+    "Jump",
+    "Loop",
+    "LoopVerdict",
+    "Mesh",
+    "Surface",
+    "SurfaceOptions",
+]

@@ -1,0 +1,144 @@
+"""GI-free: an environment of its own for the engine, made on first use from a wheel or a checkout."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from toposeam_gimp import __version__
+from toposeam_gimp.engine.process import EngineError, clean_environment, settings_file
+from toposeam_gimp.texts import _
+
+_LEAST = (3, 11)
+_ARCHIVES = (".whl", ".zip", ".gz")
+_ASK = (
+    "import importlib.util, toposeam, toposeam_engine;"
+    "print(toposeam.__version__, importlib.util.find_spec('maxflow') is not None)"
+)
+
+
+class StoppedError(Exception):
+    """The user has stopped it."""
+
+
+def bundled() -> Path | None:
+    """Return the wheel that came with the plug-in; None without one."""
+    return next(iter(sorted((Path(__file__).parents[1] / "wheel").glob("toposeam-*.whl"))), None)
+
+
+def source_of(chosen: Path) -> Path:
+    """Return what pip installs for the file that people have chosen: a wheel, an archive, or the checkout
+    whose ``pyproject.toml`` it is.
+
+    Raises
+    ------
+    EngineError
+        When it is neither.
+    """
+    if chosen.name == "pyproject.toml" and (chosen.parent / "core" / "toposeam").is_dir():
+        return chosen.parent
+    if chosen.is_file() and chosen.suffix in _ARCHIVES and chosen.name.lower().startswith("toposeam"):
+        return chosen
+    text = _(
+        "{file} is not TopoSeam; choose its wheel (toposeam-….whl), or the file pyproject.toml in its "
+        "source folder."
+    )
+    raise EngineError(text.format(file=chosen.name))
+
+
+class SettingUp:
+    """The making of an environment; it can be stopped from another thread."""
+
+    def __init__(self) -> None:
+        self._process: subprocess.Popen[str] | None = None
+        self._stopped = False
+
+    def stop(self) -> None:
+        """Stop it."""
+        self._stopped = True
+        if self._process is not None and self._process.poll() is None:
+            self._process.kill()
+
+    def make(self, folder: Path, source: Path) -> None:
+        """Make an environment in a folder, and note its Python as the engine's.
+
+        Raises
+        ------
+        EngineError
+            When it cannot be made; the text says why. Nothing is left then.
+        StoppedError
+        """
+        if folder.exists() and not (folder / "pyvenv.cfg").is_file() and any(folder.iterdir()):
+            text = _("{folder} holds something else; move it elsewhere, and try again.")
+            raise EngineError(text.format(folder=folder))
+        python = folder / ("Scripts/python.exe" if sys.platform == "win32" else "bin/python")
+        try:
+            self._run([*self._python(), "-m", "venv", "--clear", str(folder)])
+            self._run([str(python), "-m", "pip", "install", "--disable-pip-version-check", f"{source}[cli]"])
+            version, maxflow = self._run([str(python), "-P", "-c", _ASK]).split()[-2:]
+            if version != __version__:
+                text = _("{source} is TopoSeam {other}, and the plug-in is of {own}; take the same release.")
+                raise EngineError(text.format(source=source.name, other=version, own=__version__))
+            without = [] if maxflow == "True" else ["graph-cut"]
+            record = json.dumps({"python": str(python), "without": without})
+            settings_file().write_text(record, encoding="utf-8")
+        except OSError as error:
+            shutil.rmtree(folder, ignore_errors=True)
+            raise EngineError(f"{error.strerror or error}: {error.filename or ''}") from error
+        except BaseException:
+            shutil.rmtree(folder, ignore_errors=True)
+            raise
+
+    def _python(self) -> list[str]:
+        """Find a Python on this machine that can make environments."""
+        ask = f"import sys, venv, ensurepip; sys.exit(sys.version_info < {_LEAST})"
+        for command in _pythons():
+            try:
+                self._run([*command, "-c", ask])
+            except (OSError, EngineError):
+                continue
+            return command
+        raise EngineError(
+            _(
+                "No Python {least} or later was found that can make environments; install it from "
+                "python.org, on Debian and Ubuntu the package python3-venv, and try again."
+            ).format(least=".".join(map(str, _LEAST)))
+        )
+
+    def _run(self, command: Sequence[str]) -> str:
+        """Run a program to its end; what it says."""
+        self._process = subprocess.Popen(  # noqa: S603 - Python, and no shell
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            encoding="utf-8",
+            errors="replace",
+            env=clean_environment(os.environ),
+            creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+        )
+        if self._stopped:
+            self._process.kill()
+        said = self._process.communicate()[0]
+        if self._stopped:
+            raise StoppedError
+        if self._process.returncode != 0:
+            last = (said.strip().splitlines() or [str(self._process.returncode)])[-1]
+            raise EngineError(_("The environment could not be made ({reason}).").format(reason=last[:300]))
+        return said
+
+
+def _pythons() -> Iterator[list[str]]:
+    """Yield what Python may be called, the best known first."""
+    if sys.platform == "win32":
+        yield ["py", "-3"]
+    for minor in (13, 12, 11, 14):
+        yield [f"python3.{minor}"]
+    yield ["python3"]
+    yield ["python"]

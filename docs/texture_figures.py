@@ -92,9 +92,7 @@ def uses() -> None:
     ranked = np.interp(face, np.percentile(face, range(101)), np.percentile(soft, range(101))).astype(
         np.uint8
     )
-    drawn = ts.synthesize(
-        source, face.shape, patch=16, guide=ranked, guide_source=soft, guide_weight=0.85, most=20
-    )
+    drawn = ts.synthesize(source, face.shape, patch=16, guide=ranked, guide_source=soft, guide_weight=0.85)
     save("texture-guide.jpg", [(source, face), (None, drawn.image)], 440)
 
 

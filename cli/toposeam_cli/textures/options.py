@@ -246,7 +246,7 @@ _SEARCH: tuple[Callable[[Any], Any], ...] = (
         type=FiniteRange(min=1),
         default=2.5,
         show_default=True,
-        help="No pixel shows more often than this many times the average.",
+        help="Without a guide no pixel shows more often than this many times the average.",
     ),
     option(
         "--variety",

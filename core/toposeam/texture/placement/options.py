@@ -50,7 +50,7 @@ class LayOptions:
     context: int = 8
     #: What a pixel of the context counts, one of the overlap being 1.
     context_weight: float = 0.5
-    #: No source pixel shows more often than this many times the average.
+    #: Without a guide no source pixel shows more often than this many times the average.
     most: float = 2.5
     #: How strongly places that show often already, or near by, are avoided.
     variety: float = 0.5

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -107,7 +108,9 @@ class PatchPlacer:
                     kinds = Kinds(features, atlas, average, levelled=lone, objects=objects)
                 if lone or objects:
                     near = Repeats(atlas, canvas, weight, variety)
-            use = Use(canvas, atlas, average, options.most, variety, kinds)
+            # A guide asks for some pixels often, and for none beside them: use is penalised, not limited.
+            most = options.most if guide is None else math.inf
+            use = Use(canvas, atlas, average, most, variety, kinds)
         self.ranking = Ranking(atlas, features, canvas, options, guide, use)
         self._near = 0.0 if near is None else near.strength
         self._turned = turns != "none"

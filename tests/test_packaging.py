@@ -301,7 +301,7 @@ def test_documents_name_what_installing_brings(document):
     assert not [f"[{extra}]" for extra in extras if f"[{extra}]" not in text and f"`{extra}`" not in text]
 
 
-def test_recipes_have_the_fields_and_dependencies_that_are_listed():
+def test_recipes_have_the_fields_that_are_listed():
     listed = set(
         re.findall(r"`([A-Z][A-Z\d_]{3,})`", (HERE / "packaging/README.md").read_text(encoding="utf-8"))
     )

@@ -27,7 +27,13 @@ author = copyright = "The TopoSeam developers"  # noqa: A001 - Sphinx's name
 version = release = re.search(
     r'__version__ = "([^"]+)"', (ROOT / "core/toposeam/__init__.py").read_text(encoding="utf-8")
 )[1]
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_copybutton"]
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx.ext.napoleon",
+    "sphinx_copybutton",
+]
 root_doc = "docs/index"
 include_patterns = ["*.md", "docs/*.md", "docs/tutorials/*.md", "docs/reference/*.rst", "samples/README.md"]
 exclude_patterns = [".*", "**/.*", "build", "demo", "dist", "tests", "plugin_gimp"]
@@ -37,6 +43,7 @@ myst_heading_anchors = 4
 napoleon_google_docstring = False
 napoleon_use_rtype = False
 autodoc_default_options = {"members": True, "member-order": "bysource"}
+autosummary_generate = False
 autodoc_typehints = "none"  # the docstrings say it with shapes and units
 nitpicky = False
 html_theme = "furo"
@@ -136,29 +143,81 @@ def offered() -> dict[str, str]:
     return found
 
 
+#: Figures that show what a function does.
+PICTURED = {
+    "fill": "texture-fill.jpg",
+    "find_places": "people.jpg",
+    "find_seam": "hero.png",
+    "find_surface": "surface-heat.png",
+    "generate_motif": "motifs-seeds.jpg",
+    "join_volumes": "volume-cells.png",
+    "loop": "loop-strip.jpg",
+    "make_tileable": "texture-tile.jpg",
+    "motif.join_motifs": "motifs-joined.jpg",
+    "plan_path": "paths-obstacles.png",
+    "repeat": "patterns-rules.jpg",
+    "solid.generate_solid": "studies-solids.jpg",
+    "stitch": "stitching-coffee.jpg",
+    "synthesize": "texture-maps.jpg",
+}
+
+
 def write_reference(folder: Path) -> None:
-    """A page for each room, with all that it offers; pages that would be the same are left alone."""
+    """A page for each name, and one for each room that lists them; pages that would be the same are left
+    alone.
+    """
     folder.mkdir(exist_ok=True)
-    names = offered()
+    names, pages = offered(), {"index"}
     rooms = {room for _, kept in PAGES.values() for room in kept}
     for page, (title, kept) in PAGES.items():
-        lines = [title, "=" * len(title), ""]
-        for name, module in sorted(names.items(), key=lambda pair: (pair[0][0].isupper(), pair[1], pair[0])):
-            room = module.split(".")[1]
-            if room in kept or (not kept and room not in rooms):
-                lines += _entry(name, module)
+        found = [
+            (name, module)
+            for name, module in sorted(
+                names.items(), key=lambda pair: (pair[0].split(".")[-1][0].isupper(), pair)
+            )
+            if (room := module.split(".")[1]) in kept or (not kept and room not in rooms)
+        ]
+        listed = [name for name, _ in found if not name.split(".")[-1].isupper()]
+        lines = [
+            title,
+            "=" * len(title),
+            "",
+            ".. currentmodule:: toposeam",
+            "",
+            ".. autosummary::",
+            "   :nosignatures:",
+            "",
+        ]
+        lines += [*(f"   {name}" for name in listed), "", ".. toctree::", "   :hidden:", ""]
+        lines += [*(f"   {_page(name)}" for name in listed), ""]
+        for name, module in found:
+            if name.split(".")[-1].isupper():
+                lines += [f".. autodata:: {module}.{name.split('.')[-1]}", ""]
+            else:
+                _write(folder / f"{_page(name)}.rst", _described(name))
         _write(folder / f"{page}.rst", "\n".join(lines))
+        pages |= {page, *map(_page, listed)}
     index = ["Reference", "=========", "", "What ``import toposeam as ts`` offers.", ""]
     index += [".. toctree::", "   :maxdepth: 2", "", *(f"   {page}" for page in PAGES), ""]
     _write(folder / "index.rst", "\n".join(index))
+    for old in folder.glob("*.rst"):
+        if old.stem not in pages:
+            old.unlink()
 
 
-def _entry(name: str, module: str) -> list[str]:
-    if name.split(".")[-1].isupper():
-        return [f".. autodata:: {module}.{name.split('.')[-1]}", "   :no-value:", ""]
-    if name.split(".")[-1][0].isupper():
-        return [f".. autoclass:: toposeam.{name}", ""]
-    return [f".. autofunction:: toposeam.{name}", ""]
+def _page(name: str) -> str:
+    """The name of a page; classes and functions may differ by a capital alone."""
+    return f"class.{name}" if name.split(".")[-1][0].isupper() else name
+
+
+def _described(name: str) -> str:
+    """The page of a class or a function."""
+    title = f"ts.{name}"
+    kind = "autoclass" if name.split(".")[-1][0].isupper() else "autofunction"
+    lines = [title, "=" * len(title), "", f".. {kind}:: toposeam.{name}", ""]
+    if name in PICTURED:
+        lines += [f".. image:: ../figures/{PICTURED[name]}", f"   :alt: what ts.{name} makes", ""]
+    return "\n".join(lines)
 
 
 def _write(path: Path, text: str) -> None:

@@ -56,7 +56,7 @@ def test_a_mistake_of_ours_asks_for_a_report(toposeam, inputs, here, monkeypatch
 @pytest.mark.medium
 def test_debugging_shows_where(started, inputs, here):
     code = (
-        "import toposeam\ntoposeam.compose = lambda *a, **o: 1 / 0\n"
+        "import toposeam\ntoposeam.layers.compose = lambda *a, **o: 1 / 0\n"
         "from toposeam_cli.app.main import main\nmain()"
     )
     line = arguments("{a} {b} " + IN, inputs)

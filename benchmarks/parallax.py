@@ -30,15 +30,14 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image
-from scipy.ndimage import uniform_filter
 from skimage import color, feature, measure, transform
 
 import toposeam as ts
+from seam_pairs import beside, unlikeness
 from stamp import stamp
 from toposeam.layers.composite.local_warp import give_way
 
 Pair = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
-_WINDOW = 15
 
 
 def pairs(folder: Path) -> Iterator[tuple[str, Pair]]:
@@ -151,35 +150,6 @@ def finders() -> dict[str, Callable[..., np.ndarray]]:
     if shutil.which("enblend"):
         found["enblend"] = enblend
     return found
-
-
-def beside(labels: np.ndarray, both: np.ndarray) -> np.ndarray:
-    """Pixels of the overlap on either side of the seam."""
-    seam = np.zeros(labels.shape, bool)
-    for axis in (0, 1):
-        low, high = ((slice(None),) * axis + (part,) for part in (slice(None, -1), slice(1, None)))
-        step = (labels[low] != labels[high]) & both[low] & both[high]
-        seam[low] |= step
-        seam[high] |= step
-    return seam
-
-
-def unlikeness(a: np.ndarray, b: np.ndarray, both: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """1 - SSIM and (1 - ZNCC) / 2 of every window, means over the channels."""
-    share = np.maximum(uniform_filter(both.astype(float), _WINDOW), 1e-9)
-    c1, c2 = 2.55**2, 7.65**2
-    ssim, zncc = [], []
-    for channel in range(3):
-        x, y = (np.where(both, one[..., channel].astype(float), 0) for one in (a, b))
-        mean_x, mean_y, xx, yy, xy = (
-            uniform_filter(one, _WINDOW) / share for one in (x, y, x * x, y * y, x * y)
-        )
-        var_x, var_y = np.maximum(xx - mean_x**2, 0), np.maximum(yy - mean_y**2, 0)
-        together = xy - mean_x * mean_y
-        luminance = (2 * mean_x * mean_y + c1) / (mean_x**2 + mean_y**2 + c1)
-        ssim.append(luminance * (2 * together + c2) / (var_x + var_y + c2))
-        zncc.append((together + c2 / 2) / np.sqrt((var_x + c2 / 2) * (var_y + c2 / 2)))
-    return 1 - np.mean(ssim, axis=0), (1 - np.mean(zncc, axis=0)) / 2
 
 
 def figures(folder: Path, names: list[str]) -> None:

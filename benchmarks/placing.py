@@ -125,6 +125,7 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, help="number of the first set")
     parser.add_argument("--seed", type=int, default=5)
     parser.add_argument("--repeating", action="store_true", help="crops of a wall that repeats itself")
+    parser.add_argument("--each", action="store_true", help="a line for every set")
     options = parser.parse_args()
     told = {"placed": 0, "refused": 0, "wrong": 0}
     offs, seconds = [], []
@@ -147,7 +148,8 @@ def main() -> None:
             offs.append(distance)
         seconds.append(time.process_time() - started)
         told[kind] += 1
-        print(f"{index:>3} {len(layers):>3} crops  {kind:<8}{seconds[-1]:>7.1f} s  {detail}", flush=True)
+        if options.each:
+            print(f"{index:>3} {len(layers):>3} crops  {kind:<8}{seconds[-1]:>7.1f} s  {detail}", flush=True)
     print(", ".join(f"{count} {kind}" for kind, count in told.items()))
     if offs:
         print(f"off {np.median(offs):.3f} px in the median, {max(offs):.3f} at most", end="; ")

@@ -38,7 +38,7 @@ def peer(layers: list[ts.Layer], rng: np.random.Generator) -> tuple[float, float
     """The cheapest end of α-expansion, the dearest one, and how many pixels have several layers."""
     canvas = ts.layers.common_canvas(layers)
     covered = exclusive_covers(layers, [canvas.place(layer) for layer in layers], canvas)
-    labelling = pose_labelling(layers, canvas, covered, match=ts.seam.MatchCost(law="gradient"))
+    labelling = pose_labelling(layers, canvas, covered, match=ts.seam.MatchCost())
     count, box = len(layers), canvas.box
     allowed = [labelling.allowed_in(k, box) for k in range(count)]
     choices = Choices(labelling, box, labelling.on_top(), allowed, range(count))
@@ -74,7 +74,7 @@ def measured(
     for order in orders:
         pile = [layers[k] for k in order]
         started = time.process_time()
-        ours.append(ts.stitch(pile, gradient=True).cost)
+        ours.append(ts.stitch(pile).cost)
         seconds.append(time.process_time() - started)
     best, worst, pixels = peer(layers, rng)
     ratios = [cost / best for cost in ours]
@@ -94,7 +94,7 @@ def main() -> None:
     if options.frames:
         for core in (None, 0.5):
             started = time.process_time()
-            found = ts.stitch(frames(options.seed), core=core, gradient=True)
+            found = ts.stitch(frames(options.seed), core=core)
             took = time.process_time() - started
             hidden, count = len(found.hidden), len(found.names)
             print(f"core {core}: cost {found.cost:.0f}, {hidden} of {count} show nowhere, {took:.1f} s")
@@ -110,7 +110,7 @@ def main() -> None:
         kind, layers = large_pile(index, options.seed)
         index += 1
         try:
-            ts.stitch(layers[:], max_rounds=0, gradient=True)
+            ts.stitch(layers[:], max_rounds=0)
         except ts.OverlapError:
             continue
         row = measured(layers, rng)

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
+from scipy.ndimage import uniform_filter
 from skimage import data
 
 PHOTOGRAPHS = ("brick", "grass", "gravel", "coffee", "chelsea", "astronaut", "rocket")
 Labels = npt.NDArray[np.bool_]
 Picture = npt.NDArray[np.uint8]
+#: Side of the windows in which two pictures are compared, px.
+_WINDOW = 15
 
 
 def crops(name: str, length: int, width: int, rng: np.random.Generator) -> tuple[Picture, Picture]:
@@ -85,3 +88,33 @@ def islands(size: int = 1000) -> tuple[Labels, Labels]:
 
 
 IRREGULAR = {"ring, 1500 px": ring, "L, 3000 px": ell, "two islands, 2000 × 1000 px": islands}
+
+
+def beside(labels: np.ndarray, both: np.ndarray) -> np.ndarray:
+    """Pixels of the overlap on either side of the seam."""
+    seam = np.zeros(labels.shape, bool)
+    for axis in (0, 1):
+        low, high = ((slice(None),) * axis + (part,) for part in (slice(None, -1), slice(1, None)))
+        step = (labels[low] != labels[high]) & both[low] & both[high]
+        seam[low] |= step
+        seam[high] |= step
+    return seam
+
+
+def unlikeness(a: np.ndarray, b: np.ndarray, both: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """1 - SSIM and (1 - ZNCC) / 2 of every window, means over the channels of (H, W[, 3])."""
+    a, b = (one.reshape(*both.shape, -1) for one in (a, b))
+    share = np.maximum(uniform_filter(both.astype(float), _WINDOW), 1e-9)
+    c1, c2 = 2.55**2, 7.65**2
+    ssim, zncc = [], []
+    for channel in range(a.shape[2]):
+        x, y = (np.where(both, one[..., channel].astype(float), 0) for one in (a, b))
+        mean_x, mean_y, xx, yy, xy = (
+            uniform_filter(one, _WINDOW) / share for one in (x, y, x * x, y * y, x * y)
+        )
+        var_x, var_y = np.maximum(xx - mean_x**2, 0), np.maximum(yy - mean_y**2, 0)
+        together = xy - mean_x * mean_y
+        luminance = (2 * mean_x * mean_y + c1) / (mean_x**2 + mean_y**2 + c1)
+        ssim.append(luminance * (2 * together + c2) / (var_x + var_y + c2))
+        zncc.append((together + c2 / 2) / np.sqrt((var_x + c2 / 2) * (var_y + c2 / 2)))
+    return 1 - np.mean(ssim, axis=0), (1 - np.mean(zncc, axis=0)) / 2

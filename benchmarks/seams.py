@@ -1,21 +1,21 @@
 """Seams against their peers, every method on the same problems in one run.
 
-    python benchmarks/seams.py                  the short version, less than five minutes
-    python benchmarks/seams.py --all            up to 4000 × 1000 px, a quarter of an hour
+    python benchmarks/seams.py                  the short version, a few minutes
+    python benchmarks/seams.py --all            up to 4000 × 1000 px, ten minutes
     python benchmarks/seams.py --sizes 80x20 160x40 --pairs 20
-    python benchmarks/seams.py --methods heat shortest-path graph-cut --sizes 160x40 640x160 2000x500
+    python benchmarks/seams.py --methods heat graph-cut --sizes 160x40 640x160 2000x500
     python benchmarks/seams.py --irregular      large rings, Ls and islands, PyMaxflow as oracle
-
-Each size is measured with gradients in the match cost (2.4) and without (3.22), over pairs of two seeds.
 
 Sizes are length × width of the overlap in px. Pairs are random crops of photographs in scikit-image's wheel,
 and generated noise with a 1/f spectrum; where a photograph is too small, a canvas is tiled with different
 crops of it, some of them mirrored. Times are medians in ms of processor time on one thread, of everything a
 method does once the match cost is given: for heat the coarse networks, for Dijkstra and PyMaxflow the graph
-(OpenCV's own calls compute their own cost). Quotients are medians over the pairs that both were asked for.
-"÷ exact" is to the whole of shortest-path, "÷ SciPy" to "Dijkstra alone", SciPy's call on the finished graph.
-Ratios are cost ÷ exact optimum of the match cost (2.4), or (3.22) for OpenCV's colour-only finders, which
-minimise something like it.
+(OpenCV's finders and `find_seam` compute a cost of their own). Quotients are medians over the pairs that both
+were asked for; "÷ path" is to the whole of shortest-path, which "Dijkstra alone", SciPy's call on the
+finished graph, is not.
+
+What a seam costs, ÷ the optimum of the match cost (2.4), is said of the methods that minimise it. What it
+shows is said of all: the mean of 1 - SSIM along it in windows of 15 px, ÷ that of the least cost's seam.
 
 A method that takes longer than --patience seconds (PyMaxflow: five times that) is not asked for further pairs
 of that size, nor for larger sizes.
@@ -42,7 +42,7 @@ from scipy import ndimage
 from skimage.graph import route_through_array
 
 import toposeam as ts
-from seam_pairs import IRREGULAR, Labels, Picture, pair
+from seam_pairs import IRREGULAR, Labels, Picture, beside, pair, unlikeness
 from stamp import stamp
 from toposeam.heat.threads import one_thread
 from toposeam.seam.dynamic_programming import dp_labels
@@ -50,7 +50,7 @@ from toposeam.seam.exact import corner_graph
 from toposeam.seam.exact.graph_cut import graph_cut_labels
 from toposeam.seam.exact.optimum import exact_labels
 from toposeam.seam.heat.method import HeatOptions, heat_path
-from toposeam.seam.problem.overlap import FREE
+from toposeam.seam.problem.overlap import FREE, B
 from toposeam.seam.problem.posing import seam_problem
 from toposeam.seam.problem.seam_problem import SeamProblem
 from toposeam.seam.thesis.method import thesis_path
@@ -134,70 +134,71 @@ def shortest_path(problem: SeamProblem) -> tuple[Labels, float, float]:
     return labels, whole, sum(alone)
 
 
+def default(problem: SeamProblem, a: Picture, b: Picture) -> tuple[Labels, float]:
+    """`find_seam` as anybody calls it: the natural law, and the method that is fastest."""
+    with one_thread():
+        started = time.process_time()
+        labels = ts.find_seam(a, b).labels
+        return np.pad(labels, 1), time.process_time() - started
+
+
 HEAT, DIJKSTRA, MAXFLOW = "heat", "shortest-path (dual Dijkstra)", "graph-cut (PyMaxflow)"
 ALONE = "    Dijkstra alone"
 
 #: Whose times the others are compared with, and the width of the column.
-PEERS = ((MAXFLOW, 13), (DIJKSTRA, 9), (ALONE, 9))
+PEERS = ((MAXFLOW, 13), (DIJKSTRA, 8))
 
-#: name: (run, whether it minimises the cost without gradients)
+#: name: (run, whether it minimises the match cost)
 METHODS: dict[str, tuple[Callable[..., tuple[Labels, float]], bool]] = {
-    HEAT: (timed(lambda p: heat_path(p, HeatOptions()).labels), False),
-    "thesis": (timed(lambda p: thesis_path(p, ThesisOptions()).labels), False),
-    DIJKSTRA: (timed(exact_labels), False),
-    ALONE: (timed(exact_labels), False),
-    "dp": (timed(dp_labels), False),
-    MAXFLOW: (timed(graph_cut_labels), False),
+    HEAT: (timed(lambda p: heat_path(p, HeatOptions()).labels), True),
+    "thesis": (timed(lambda p: thesis_path(p, ThesisOptions()).labels), True),
+    DIJKSTRA: (timed(exact_labels), True),
+    ALONE: (timed(exact_labels), True),
+    "dp": (timed(dp_labels), True),
+    MAXFLOW: (timed(graph_cut_labels), True),
+    "find_seam, natural law": (default, False),
     "scikit-image route_through_array": (timed(route), False),
-    "OpenCV GraphCut COLOR": (opencv(lambda: cv2.detail_GraphCutSeamFinder("COST_COLOR")), True),
+    "OpenCV GraphCut COLOR": (opencv(lambda: cv2.detail_GraphCutSeamFinder("COST_COLOR")), False),
     "OpenCV GraphCut COLOR_GRAD": (opencv(lambda: cv2.detail_GraphCutSeamFinder("COST_COLOR_GRAD")), False),
-    "OpenCV DP COLOR": (opencv(lambda: cv2.detail_DpSeamFinder("COLOR")), True),
+    "OpenCV DP COLOR": (opencv(lambda: cv2.detail_DpSeamFinder("COLOR")), False),
 }
 
 
-def problem_of(a: Picture, b: Picture, gradient: bool) -> SeamProblem:
-    return seam_problem(
-        a, b, None, None, "right", ts.seam.MatchCost(law="gradient" if gradient else "colour")
-    )[0]
+def problem_of(a: Picture, b: Picture, *masks: Labels) -> SeamProblem:
+    return seam_problem(a, b, *(masks or (None, None)), "right", ts.seam.MatchCost(law="gradient"))[0]
 
 
 def irregular(seeds: list[int]) -> None:
     """Large overlaps of other shapes than strips; PyMaxflow says what is best."""
     print(
-        f"{'':<38}{'free px':>9}{'heat s':>8}{'÷ PyMaxflow':>13}{'÷ exact':>9}"
+        f"{'':<34}{'free px':>9}{'heat s':>8}{'÷ PyMaxflow':>13}{'÷ path':>8}"
         f"{'cost ÷ optimum':>16}{'worst':>9}"
     )
     for name, shape in IRREGULAR.items():
         masks = shape()
-        for gradient in (True, False):
-            took, peers, exacts, ratios = [], [], [], []
-            for seed in seeds:
-                a, b = pair(*masks[0].shape, 1 + seed, seed)
-                problem = seam_problem(
-                    a, b, *masks, "right", ts.seam.MatchCost(law="gradient" if gradient else "colour")
-                )[0]
-                found, seconds = METHODS[HEAT][0](problem)
-                best, peer = METHODS[MAXFLOW][0](problem)
-                if name.startswith("L"):
-                    exacts.append(METHODS[DIJKSTRA][0](problem)[1])
-                took.append(seconds)
-                peers.append(peer)
-                ratios.append(problem.cost(found) / problem.cost(best))
-            free = np.count_nonzero(problem.overlap.side == FREE)
-            exact_share = f"{quotient(took, exacts):>9.2f}" if exacts else f"{'–':>9}"
-            print(
-                f"{name + (', gradients' if gradient else ''):<38}{free:>9}{statistics.median(took):>8.2f}"
-                f"{quotient(took, peers):>13.3f}{exact_share}{statistics.median(ratios):>16.4f}"
-                f"{max(ratios):>9.4f}",
-                flush=True,
-            )
+        took, peers, exacts, ratios = [], [], [], []
+        for seed in seeds:
+            problem = problem_of(*pair(*masks[0].shape, 1 + seed, seed), *masks)
+            found, seconds = METHODS[HEAT][0](problem)
+            best, peer = METHODS[MAXFLOW][0](problem)
+            if name.startswith("L"):
+                exacts.append(METHODS[DIJKSTRA][0](problem)[1])
+            took.append(seconds)
+            peers.append(peer)
+            ratios.append(problem.cost(found) / problem.cost(best))
+        free = np.count_nonzero(problem.overlap.side == FREE)
+        share = f"{quotient(took, exacts):>8.2f}" if exacts else f"{'–':>8}"
+        print(
+            f"{name:<34}{free:>9}{statistics.median(took):>8.2f}{quotient(took, peers):>13.3f}{share}"
+            f"{statistics.median(ratios):>16.4f}{max(ratios):>9.4f}",
+            flush=True,
+        )
 
 
 def peak_memory(name: str, length: int, width: int, seed: int) -> int:
     """Bytes that this process, which has just started, has had at most once the method is done."""
-    run, colour_only = METHODS[name]
     a, b = pair(length, width, 0, seed)
-    run(problem_of(a, b, not colour_only), a, b)
+    METHODS[name][0](problem_of(a, b), a, b)
     status = Path("/proc/self/status").read_text(
         encoding="ascii"
     )  # unlike ru_maxrss, not passed on by the process that started this one
@@ -249,14 +250,10 @@ def main() -> None:
     curves: dict[str, list[tuple[int, float]]] = defaultdict(list)
     begin = tuple(options.methods or ("",))
     wanted = [name for name in METHODS if name in (DIJKSTRA, ALONE) or name.startswith(begin)]
-    asked = {True: wanted, False: [name for name in wanted if not METHODS[name][1]]}
     for size in sizes:
         length, width = (int(part) for part in size.split("x"))
-        for gradient in (True, False):
-            pairs = [(index, seed) for seed in options.seeds for index in range(options.pairs)]
-            asked[gradient] = measure(
-                length, width, pairs, gradient, asked[gradient], options.patience, curves if gradient else {}
-            )
+        pairs = [(index, seed) for seed in options.seeds for index in range(options.pairs)]
+        wanted = measure(length, width, pairs, wanted, options.patience, curves)
     fits = {
         name: exponent(part)
         for name, points in curves.items()
@@ -275,7 +272,6 @@ def measure(
     length: int,
     width: int,
     pairs: list[tuple[int, int]],
-    gradient: bool,
     asked: list[str],
     patience: float,
     curves: dict[str, list[tuple[int, float]]],
@@ -290,60 +286,75 @@ def measure(
         for name in asked
     }
     large = length * width >= LARGE
-    seconds, ratios, spent = defaultdict(list), defaultdict(list), []
+    seconds, ratios, shown, spent = defaultdict(list), defaultdict(list), defaultdict(list), []
     for index, seed in pairs:
         if large and index >= max(1, len(pairs) // 4):
             continue
         a, b = pair(length, width, index, seed)
         started = time.process_time()
-        problem = problem_of(a, b, gradient)
+        problem = problem_of(a, b)
         spent.append(time.process_time() - started)
         best, whole, alone = shortest_path(problem)
-        plain = problem_of(a, b, False)
-        optimum = {False: problem.cost(best), True: plain.cost(shortest_path(plain)[0])}
+        seen = along(problem, a, b)
         for name in asked:
             if max(seconds[name], default=0.0) > limit[name]:
                 continue
-            run, colour_only = METHODS[name]
-            chosen = plain if colour_only else problem
+            run, minimises = METHODS[name]
             labels, took = (
-                (best, whole) if name == DIJKSTRA else (best, alone) if name == ALONE else run(chosen, a, b)
+                (best, whole) if name == DIJKSTRA else (best, alone) if name == ALONE else run(problem, a, b)
             )
             seconds[name].append(took)
-            ratios[name].append(chosen.cost(labels) / optimum[colour_only])
+            shown[name].append(seen(labels) / seen(best))
+            if minimises:
+                ratios[name].append(problem.cost(labels) / problem.cost(best))
     median = {name: statistics.median(seconds[name]) for name in asked}
     patient = [name for name in asked if median[name] <= limit[name]]
     memory = {}
-    for name in patient if large and gradient else []:
+    for name in patient if large else []:
         if name != ALONE:
             with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as own:
                 memory[name] = own.submit(peak_memory, name, length, width, pairs[0][1]).result()
-    kind = "with gradients (2.4)" if gradient else "without gradients (3.22)"
-    spent_ms = 1e3 * statistics.median(spent)
-    print(f"{length} × {width} px, {kind}, {len(spent)} pairs; match cost {spent_ms:.1f} ms")
+    print(f"{length} × {width} px, {len(spent)} pairs; match cost {1e3 * statistics.median(spent):.1f} ms")
     print(
-        f"{'':<34}{'ms':>10}{'÷ PyMaxflow':>13}{'÷ exact':>9}{'÷ SciPy':>9}{'cost ÷ optimum':>17}"
-        f"{'worst':>9}{'MiB':>7}{'× RGB':>7}"
+        f"{'':<34}{'ms':>9}{'÷ PyMaxflow':>13}{'÷ path':>8}{'cost ÷ optimum':>16}{'worst':>8}"
+        f"{'1 - SSIM':>10}{'MiB':>6}{'× RGB':>7}"
     )
     for name in asked:
         took = median[name]
         quotients = "".join(f"{quotient(seconds[name], seconds[peer]):>{space}.3f}" for peer, space in PEERS)
+        cost = (
+            f"{statistics.median(ratios[name]):>16.4f}{max(ratios[name]):>8.3f}"
+            if ratios[name]
+            else f"{'–':>16}{'':>8}"
+        )
         peak = (
-            f"{memory[name] / 2**20:>7.0f}{memory[name] / (12 * length * width):>7.1f}"
+            f"{memory[name] / 2**20:>6.0f}{memory[name] / (12 * length * width):>7.1f}"
             if name in memory
             else ""
         )
         few = "" if len(seconds[name]) == len(spent) else f"  (pairs: {len(seconds[name])})"
-        print(
-            f"{name:<34}{1e3 * took:>10.2f}{quotients}"
-            f"{statistics.median(ratios[name]):>17.4f}{max(ratios[name]):>9.4f}{peak}{few}"
+        line = (
+            f"{name:<34}{1e3 * took:>9.2f}{quotients}{cost}{statistics.median(shown[name]):>10.3f}{peak}{few}"
         )
+        print(line.rstrip())
         curves.setdefault(name, []).append((length * width, took))
     if HEAT in median:
         both = median[HEAT] + statistics.median(spent)
         curves.setdefault("heat and match cost", []).append((length * width, both))
     print(flush=True)
     return patient
+
+
+def along(problem: SeamProblem, a: Picture, b: Picture) -> Callable[[Labels], float]:
+    """What a seam of a strip shows: the mean of 1 - SSIM on both sides of it."""
+    everywhere = np.ones(a.shape[:2], bool)
+    unlike, side = unlikeness(a, b, everywhere)[0], problem.overlap.side
+
+    def seen(labels: Labels) -> float:
+        shows_b = np.where(side == FREE, labels, side == B)[1:-1, 1:-1]
+        return float(unlike[beside(shows_b, everywhere)].mean())
+
+    return seen
 
 
 def quotient(mine: list[float], peers: list[float]) -> float:

@@ -1,4 +1,4 @@
-"""Tables of numbers put into the documents by the scripts that measured them, between two marks:
+"""Numbers put into the documents by the scripts that measured them, between two marks:
 ``<!-- numbers: written by SCRIPT -->`` and ``<!-- end of numbers -->``.
 """
 
@@ -13,6 +13,12 @@ _END = "<!-- end of numbers -->"
 
 def write_table(page: str, script: str, rows: Sequence[Sequence[str]]) -> None:
     """Put rows of cells, the head first, between a script's marks on a page of the documents."""
+    head, *others = ("| " + " | ".join(row) + " |" for row in rows)
+    write_numbers(page, script, "\n".join([head, "|---" * len(rows[0]) + "|", *others]))
+
+
+def write_numbers(page: str, script: str, numbers: str) -> None:
+    """Put a text between a script's marks on a page of the documents."""
     path = DOCS / page
     begin = f"<!-- numbers: written by {script} -->"
     text = path.read_text(encoding="utf-8")
@@ -20,6 +26,4 @@ def write_table(page: str, script: str, rows: Sequence[Sequence[str]]) -> None:
     _, end, after = rest.partition(_END)
     if not found or not end:
         raise SystemExit(f"{path} has no place for the numbers of {script}")
-    head, *others = ("| " + " | ".join(row) + " |" for row in rows)
-    table = "\n".join([head, "|---" * len(rows[0]) + "|", *others])
-    path.write_text(f"{before}{begin}\n{table}\n{_END}{after}", encoding="utf-8")
+    path.write_text(f"{before}{begin}\n{numbers}\n{_END}{after}", encoding="utf-8")

@@ -87,7 +87,7 @@ _GUIDE = (
         "--guide-weight",
         heading="Texture",
         type=FiniteRange(0, 1),
-        default=0.5,
+        default=0.8,
         show_default=True,
         help="How much the guide counts.",
     ),

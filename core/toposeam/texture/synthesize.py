@@ -64,7 +64,7 @@ def synthesize(
     data_range: DataRange = None,
     guide: npt.ArrayLike | None = None,
     guide_source: Images | None = None,
-    guide_weight: float = 0.5,
+    guide_weight: float = 0.8,
     smooth: int = 1,
     flatten: bool = False,
     level: Level | None = None,
@@ -130,7 +130,7 @@ def synthesize(
         (H, W) or (H, W, G) each. Each patch is then also chosen for how well its piece of `guide_source`
         agrees with `guide` there.
     guide_weight : float
-        Share of the guide in that choice, in [0, 1].
+        Share of the guide in that choice, in [0, 1]; with 1 neighbours count for nothing but the seams.
     smooth : int
         px to either side of a seam in which neighbouring patches are mixed, in the picture and its normals; 0
         for hard cuts.

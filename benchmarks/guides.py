@@ -160,10 +160,7 @@ def main() -> None:
     parser.add_argument("--write", action="store_true", help="into docs/texture.md")
     given = parser.parse_args()
     print(stamp())
-    print(
-        f"{'wrong, %, mean and most':<24}"
-        + "".join(f"{f'weight {weight:g}':>16}" for weight in given.weights)
-    )
+    table = [["wrong, %", *(f"weight {weight:g}" for weight in given.weights)]]
     rows = []
     for name, make in GUIDED.items():
         task = make()

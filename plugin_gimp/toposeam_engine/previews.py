@@ -40,7 +40,7 @@ def preview(job: EngineJob) -> dict[str, Any]:
     for name in ("width", "height"):  # of a texture, of which only a part is shown
         if name in options:
             options[name] = max(int(options[name] * float(job.request.get("extent", 1))), _LENGTHS[name])
-    shows = _BEFORE if job.request.get("before") else _SHOWN
+    shows = _COPIED if job.request.get("copied") else _BEFORE if job.request.get("before") else _SHOWN
     shown = shows[str(job.request["of"])](
         dataclasses.replace(job, request={**job.request, "options": options})
     )
@@ -119,6 +119,15 @@ def _unfilled(job: EngineJob) -> Image:
     return _cut(job, _layer(job))
 
 
+def _copied(job: EngineJob) -> Image:
+    """What a hole is filled from, bright, and all else of it dark."""
+    if job.options.get("from") == "other" and not job.request["source"].get("is_mask"):
+        return _small(with_alpha(*colours_of(job, job.request["source"])))
+    shown, where = _layer(job), textures.copied_from(job)
+    shown[~where, :-1] //= 3
+    return _small(shown)
+
+
 def _fill(job: EngineJob) -> Image:
     image, alpha, sample, part, source = textures.filled(job)
     shown = _layer(job)
@@ -194,3 +203,5 @@ _BEFORE: dict[str, Callable[[EngineJob], Image]] = {
     "make_tileable": _tiled,
     "fill": _unfilled,
 }
+#: What a result is made from.
+_COPIED: dict[str, Callable[[EngineJob], Image]] = {"fill": _copied}

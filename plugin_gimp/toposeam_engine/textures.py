@@ -98,7 +98,41 @@ def filled(job: EngineJob) -> Filled:
     request's ``source``, which is another picture, or a mask that is white where the layer may be copied.
     """
     options = _usual(job.options, "patch", "overlap", "band")
-    where, hole = options.pop("from", "layer"), _selected(job)
+    other = options.pop("from", "layer") == "other"
+    sample, part, copied = _searched(job)
+    image, alpha, hole, source = sample.image, sample.alpha, np.asarray(sample.selected), copied
+    own = np.s_[: hole.shape[0], : hole.shape[1]]
+    if other and source is None:
+        image, alpha, hole, source = _beside(sample, *colours_of(job, job.request["source"]))
+    made = ts.fill(
+        image,
+        hole,
+        source=source,
+        alpha=alpha,
+        data_range=_white(image),
+        progress=job.progress,
+        **options,
+    )
+    shown = None if made.alpha is None or sample.alpha is None else made.alpha[own]
+    return Filled(made.image[own], shown, sample, part, copied)
+
+
+def copied_from(job: EngineJob) -> Mask:
+    """Return where a layer may be copied to fill its hole, (H, W) bool."""
+    sample, part, source = _searched(job)
+    raster = job.request["layer"]
+    where = np.zeros((int(raster["height"]), int(raster["width"])), bool)
+    where[part] = ~np.asarray(sample.selected) & (True if source is None else source)
+    if sample.alpha is not None:
+        where[part] &= sample.alpha > 0
+    return where
+
+
+def _searched(job: EngineJob) -> tuple[Sample, Part, Mask | None]:
+    """Return the part of a layer that is looked at to fill its hole, where it lies, and what of it may be
+    copied: None where that is all, or another layer.
+    """
+    where, hole = job.options.get("from", "layer"), _selected(job)
     if hole is None or not hole.any():
         raise ts.OptionError("nothing is selected; select what is to be replaced")
     source: Mask | None = None
@@ -112,22 +146,7 @@ def filled(job: EngineJob) -> Filled:
     sample = _sample(job, part)
     if source is None and where == "layer" and part != whole and _scarce(sample):
         part, sample = whole, _sample(job, whole)
-    image, alpha, hole = sample.image, sample.alpha, hole[part]
-    copied = source = None if source is None else source[part]
-    own = np.s_[: hole.shape[0], : hole.shape[1]]
-    if where == "other" and source is None:
-        image, alpha, hole, source = _beside(sample, *colours_of(job, job.request["source"]))
-    made = ts.fill(
-        image,
-        hole,
-        source=source,
-        alpha=alpha,
-        data_range=_white(image),
-        progress=job.progress,
-        **options,
-    )
-    shown = None if made.alpha is None or sample.alpha is None else made.alpha[own]
-    return Filled(made.image[own], shown, sample, part, copied)
+    return sample, part, None if source is None else source[part]
 
 
 def _surroundings(hole: Mask) -> Part:

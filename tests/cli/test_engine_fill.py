@@ -118,3 +118,27 @@ def test_a_preview_darkens_what_is_not_copied(request_folder, rng):
     drawn = request_folder.pixels(result_of(answer)["picture"])[..., :3]
     np.testing.assert_array_equal(drawn[:100], pixels[:100] // 2)
     np.testing.assert_array_equal(drawn[160:180, 160:180], pixels[160:180, 160:180])
+
+
+@pytest.mark.parametrize("where", ["layer", "around", "other"])
+def test_a_preview_shows_what_is_copied_from(request_folder, rng, where):
+    """Bright is what is copied: not the hole, nothing far off, of a mask what is white."""
+    pixels = rng.integers(100, 200, (300, 320, 3), np.uint8)
+    hole, white = np.zeros((2, *pixels.shape[:2]), np.uint8)
+    hole[200:230, 200:230] = white[:, :50] = 255
+    scene = {
+        "operation": "preview",
+        "of": "fill",
+        "scale": 1.0,
+        "copied": True,
+        "layer": request_folder.raster("layer", pixels),
+        "selection": request_folder.raster("hole", hole),
+        "source": request_folder.raster("white", white) | {"is_mask": True} if where == "other" else None,
+    }
+    answer = request_folder.ask(**scene, options={**OPTIONS, "from": where})
+    drawn = request_folder.pixels(result_of(answer)["picture"])[..., :3]
+    bright = (drawn == pixels).all(axis=2)
+    assert (bright | (drawn == pixels // 3).all(axis=2)).all()
+    assert not bright[205:225, 205:225].any()
+    assert bright[150, 10] == (where != "around")
+    assert bright[190, 190] == (where != "other")

@@ -60,6 +60,9 @@ class PreviewPane:
         self._seam.connect("toggled", lambda _box: self.changed())
         self._before = Gtk.CheckButton.new_with_label(_("Before"))
         self._before.connect("toggled", lambda _box: self.changed())
+        self._copied = Gtk.CheckButton.new_with_label(_("Copied from"))
+        self._copied.set_tooltip_text(_("Shows what is copied into the hole: all that is not dark"))
+        self._copied.connect("toggled", lambda _box: self.changed())
         self._view = ZoomedView(
             self._row, _WIDE if entry.preview == "hole" else _SIZE, self._refresh, self._take
         )
@@ -74,6 +77,8 @@ class PreviewPane:
             below.pack_start(self._seam, False, False, 0)
         if entry.preview in _WITH_BEFORE:
             below.pack_start(self._before, False, False, 0)
+        if self._variants is not None:
+            below.pack_start(self._copied, False, False, 0)
         below.pack_start(self._busy, False, False, 0)
         self.widget = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, spacing=6)
         self.widget.pack_start(frame, True, True, 0)
@@ -139,15 +144,21 @@ class PreviewPane:
             for option in self._entry.options
             if option.engine
         }
-        shown = {"seam_line": self._seam.get_active(), "before": self._before.get_active()}
+        boxes = {"seam_line": self._seam, "before": self._before, "copied": self._copied}
+        shown = {name: box.get_active() for name, box in boxes.items()}
         if self._variants is not None:
             sent["seed"] = self._variants.begin(options["seed"], _MOST_SEED)
         self._ask_for({**self._scene[1], **shown}, sent, folder.path)
         return False
 
+    @property
+    def _chooses(self) -> bool:
+        """Whether results are shown, not what they are made of."""
+        return not (self._before.get_active() or self._copied.get_active())
+
     def _take(self, share: float) -> None:
         """Take the variant that was clicked."""
-        if self._variants is not None and not self._before.get_active():
+        if self._variants is not None and self._chooses:
             self._taking = True
             self._config.set_property("seed", self._variants.seed_at(share))
             self._taking = False
@@ -177,7 +188,7 @@ class PreviewPane:
             self._stack.set_visible_child_name("text")
             return False
         self._raw = _pixbufs(found)
-        if self._variants is not None and not self._before.get_active():
+        if self._variants is not None and self._chooses:
             self._next_variant(self._variants)
         elif self._entry.preview == "motif" and self._asked is not None and not self._asked[0].get("exact"):
             scene, options, pixels = self._asked
@@ -203,7 +214,7 @@ class PreviewPane:
 
     def _refresh(self) -> None:
         """Scale and draw what is shown, for the room and the zoom there are."""
-        if self._variants is not None and self._raw and not self._before.get_active():
+        if self._variants is not None and self._raw and self._chooses:
             seed, dots = self._config.get_property("seed"), self._row.get_scale_factor()
             self._draw(*self._variants.pictures(seed, self._scaled, dots))
         elif self._raw:

@@ -7,7 +7,7 @@
                narrow elsewhere
 ``multiband``  coarse shades fade over `width` px, fine detail over few (`multiband`)
 ``gradient``   the step between the layers is spread (`gradient_domain`), all over the picture
-               or over `width` px
+               or over `width` px; a layer inside another one takes over its tones
 =============  ===========================================================================================
 
 Only pixels near seams change but with ``gradient``. Where one layer has no pixels, the others make up for it.
@@ -40,8 +40,8 @@ BLENDS: tuple[Blend, ...] = get_args(Blend)
 
 #: Width in px where none is given; None spreads over the whole picture.
 WIDTHS: dict[Blend, float | None] = {"feather": 7.0, "multiband": 32.0, "gradient": None}
-#: How far blends mix that have no width, px.
-_REACHES: dict[Blend, float] = {"soft": 32.0}
+#: How far blends mix that have no width, px; ``gradient`` takes away what differs evenly over so many px.
+_REACHES: dict[Blend, float] = {"soft": 32.0, "gradient": 8.0}
 #: Widths that make sense: beyond, tiles would no longer bound the memory.
 WIDEST = 512.0
 
@@ -140,7 +140,7 @@ def check_blend(blend: str, width: float | None) -> None:
 
 
 def reach_of(blend: Blend, width: float | None) -> float:
-    """How far from a seam, px, a blend mixes what differs; 0 for narrow ones, and those that follow seams."""
+    """How far from a seam, px, a blend mixes what differs; 0 for narrow ones."""
     if blend == "multiband":
         return WIDTHS[blend] or 0.0 if width is None else width
     return _REACHES.get(blend, 0.0)

@@ -9,17 +9,21 @@ layer included, cosine transforms solve it directly, in O(n log n) and to roundi
 
 With a width, c² / width² is added per pixel: the correction fades from the seam, exp(-distance / width), and
 colours far away stay.
+
+Layers that lie inside another one, as a patch on a picture, take over its tones: the picture is corrected as
+if they were not there, and they are, with c = 0 beside them (*seamless cloning*, ibid.).
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.heat.poisson import add_steps, spread
-from toposeam.images import Image, Mask
+from toposeam.heat.poisson import add_steps, spread, spread_within
+from toposeam.images import Image, Mask, box_of
 from toposeam.layers.canvas.layer import Box, Layer
 from toposeam.layers.canvas.painting import LabelMap
 from toposeam.layers.canvas.tile_map import dense
@@ -53,8 +57,8 @@ def correction(
         Whether the canvas's left edge adjoins its right one.
     """
     columns = label_map.shape[1]
-    source = np.zeros(label_map.shape)
-    flat = label_map.ravel()
+    source, onto = np.zeros((2, *label_map.shape))
+    flat, inner = label_map.ravel(), _lying_inside(covered, places)
     borders = [(np.flatnonzero(_differ(label_map, axis)), stride) for axis, stride in ((1, 1), (0, columns))]
     if goes_round:
         end, begin = label_map[:, -1], label_map[:, 0]
@@ -73,9 +77,25 @@ def correction(
             excess = np.where(both_p, j_p - i_p, 0.0) + np.where(both_q, j_q - i_q, 0.0)
             number = both_p.astype(int) + both_q
             step[mine] = np.where(number > 0, excess / np.maximum(number, 1), j_q - i_p)
-        add_steps(source.ravel(), p, q, step)
+        patch = inner[flat[p]] | inner[flat[q]]
+        for target, kind in ((source, ~patch), (onto, patch)):
+            add_steps(target.ravel(), p[kind], q[kind], step[kind])
     result: Floats = spread(source, width, (False, goes_round))
+    if onto.any():
+        free = (label_map >= 0) & inner[label_map]
+        rows, columns_of = (slice(max(side.start - 1, 0), side.stop + 1) for side in box_of(free))
+        result[rows, columns_of] += spread_within(onto[rows, columns_of], free[rows, columns_of], width)
     return result
+
+
+def _lying_inside(covered: Sequence[Mask], places: Sequence[Box]) -> Mask:
+    """(n,) bool: which layers lie wholly inside another one; of two that are equal the later one does."""
+    size = [np.count_nonzero(dense(cover)) for cover in covered]
+    inside = np.zeros(len(covered), bool)
+    for i, j in itertools.permutations(range(len(covered)), 2):
+        if (size[i], -i) < (size[j], -j) and places[i].shared(places[j]) == places[i]:
+            inside[i] |= bool(dense(covered[j])[places[i].within(places[j])][dense(covered[i])].all())
+    return inside
 
 
 def _differ(label_map: LabelMap, axis: int) -> Mask:

@@ -83,8 +83,8 @@ def correction(
     result: Floats = spread(source, width, (False, goes_round))
     if onto.any():
         free = (label_map >= 0) & inner[label_map]
-        rows, columns_of = (slice(max(side.start - 1, 0), side.stop + 1) for side in box_of(free))
-        result[rows, columns_of] += spread_within(onto[rows, columns_of], free[rows, columns_of], width)
+        around = tuple(slice(max(side.start - 1, 0), side.stop + 1) for side in box_of(free))
+        result[around] += spread_within(onto[around], free[around], width)
     return result
 
 

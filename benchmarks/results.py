@@ -1,4 +1,4 @@
-"""The tables of docs/results.md and docs/stitching.md, measured at one commit and written there.
+"""The tables of docs/results.md, measured at one commit and written there.
 
     python benchmarks/results.py            all of them, more than an hour
     python benchmarks/results.py -j 2       two at a time, where there are two processors
@@ -23,25 +23,25 @@ from written import DOCS, write_numbers
 HERE = Path(__file__).resolve().parent
 FIGURE = DOCS / "figures" / "fig-3.27-time.png"
 
-#: name: the page, and the words of its command
-TABLES: dict[str, tuple[str, tuple[str, ...]]] = {
-    "strips": ("results.md", ("seams.py", "--all", "--pairs", "4", "--figure", str(FIGURE))),
-    "piles": ("results.md", ("seam_costs.py",)),
-    "stacks": ("results.md", ("stacks.py",)),
-    "surfaces": ("results.md", ("surfaces.py", "--large", "--loops", "none")),
-    "pipeline": ("stitching.md", ("stitching.py",)),
-    "moved": ("stitching.md", ("moved.py",)),
-    "placing": ("stitching.md", ("placing.py",)),
-    "repeating": ("stitching.md", ("placing.py", "--repeating")),
-    "shapes": ("results.md", ("seams.py", "--irregular")),
-    "small": ("results.md", ("small_seams.py",)),
-    "variants": ("results.md", ("quality.py",)),
-    "cases": ("results.md", ("quality.py", "--cases")),
-    "loops": ("results.md", ("surfaces.py", "--quality", "0", "--sizes")),
-    "others": ("results.md", ("surfaces.py", "--quality", "0", "--sizes", "--loops", "others")),
-    "mosaic": ("stitching.md", ("mosaic.py",)),
-    "tones": ("stitching.md", ("tones.py",)),
-    "frames": ("stitching.md", ("seam_costs.py", "--frames")),
+#: name: the words of its command
+TABLES: dict[str, tuple[str, ...]] = {
+    "strips": ("seams.py", "--all", "--pairs", "4", "--figure", str(FIGURE)),
+    "piles": ("seam_costs.py",),
+    "stacks": ("stacks.py",),
+    "surfaces": ("surfaces.py", "--large", "--loops", "none"),
+    "pipeline": ("stitching.py",),
+    "moved": ("moved.py",),
+    "placing": ("placing.py",),
+    "repeating": ("placing.py", "--repeating"),
+    "shapes": ("seams.py", "--irregular"),
+    "small": ("small_seams.py",),
+    "variants": ("quality.py",),
+    "cases": ("quality.py", "--cases"),
+    "loops": ("surfaces.py", "--quality", "0", "--sizes"),
+    "others": ("surfaces.py", "--quality", "0", "--sizes", "--loops", "others"),
+    "mosaic": ("mosaic.py",),
+    "tones": ("tones.py",),
+    "frames": ("seam_costs.py", "--frames"),
 }
 
 
@@ -71,11 +71,11 @@ def main() -> None:
     made = stamp().strip()
     print(stamp())
     with ThreadPoolExecutor(given.jobs) as runs:
-        names = {runs.submit(numbers, TABLES[name][1]): name for name in wanted}
+        names = {runs.submit(numbers, TABLES[name]): name for name in wanted}
         for run in as_completed(names):
             name, found = names[run], run.result()
             print(f"{name}\n{found}\n", flush=True)
-            write_numbers(TABLES[name][0], f"benchmarks/results.py, {name}", f"```\n{found}\n```")
+            write_numbers("results.md", f"benchmarks/results.py, {name}", f"```\n{found}\n```")
     if set(wanted) == set(TABLES):
         write_numbers("results.md", "benchmarks/results.py", made)
 

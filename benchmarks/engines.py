@@ -1,0 +1,130 @@
+"""The engines of `find_seam` beside each other: what docs/heat.md says of them.
+
+    python benchmarks/engines.py            a few minutes
+    python benchmarks/engines.py --write    into docs/heat.md
+
+*Strips*, law natural, whole calls: heat ÷ auto, which takes a shortest path there. *Rings*, match cost (2.4):
+the search alone, in ms; SciPy's and OR-tools' maximum flow with capacities rounded as `auto` rounds them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+import toposeam as ts
+from seam_pairs import pair, ring
+from stamp import stamp
+from toposeam.heat.threads import one_thread
+from toposeam.seam.exact import maximum_flow
+from toposeam.seam.exact.graph_cut import graph_cut_labels
+from toposeam.seam.exact.optimum import exact_labels
+from toposeam.seam.heat.method import HeatOptions, heat_path
+from toposeam.seam.problem.overlap import FREE
+from toposeam.seam.problem.posing import seam_problem
+from toposeam.seam.problem.seam_problem import SeamProblem
+from written import write_table
+
+STRIPS = {"160x40": 8, "320x80": 8, "640x160": 8, "1000x250": 8, "2000x500": 4, "4000x1000": 2}
+RINGS = (48, 96, 192, 384, 640, 1290)
+FLOW = "OR-tools' flow"
+
+
+def strips() -> list[list[str]]:
+    """Heat and auto on strips."""
+    rows = [["overlap", "pairs", "auto, ms", "heat: time ÷ auto's", "cost ÷ auto's, median and worst"]]
+    for size, count in STRIPS.items():
+        length, width = map(int, size.split("x"))
+        auto, times, costs = [], [], []
+        for index in range(count):
+            a, b = pair(length, width, index, 3)
+            took, found = {}, {}
+            for method in ("auto", "heat"):
+                took[method], found[method] = timed(lambda m=method: ts.find_seam(a, b, method=m))
+            auto.append(1e3 * took["auto"])
+            times.append(took["heat"] / took["auto"])
+            costs.append(found["heat"].cost / found["auto"].cost)
+        median = [statistics.median(values) for values in (auto, times, costs)]
+        rows.append(
+            [
+                size.replace("x", " × "),
+                str(count),
+                f"{median[0]:.3g}",
+                f"{median[1]:.1f}",
+                f"{median[2]:.4f}, {max(costs):.4f}",
+            ]
+        )
+        print(" | ".join(rows[-1]), flush=True)
+    return rows
+
+
+def rings() -> list[list[str]]:
+    """Heat and maximum flows on closed seams."""
+    by_or_tools = maximum_flow.or_tools()
+    if by_or_tools is None:
+        raise SystemExit("OR-tools is not installed; install it with: pip install '.[fast]'")
+    engines: dict[str, Callable[[SeamProblem], np.ndarray]] = {
+        "heat": lambda problem: heat_path(problem, HeatOptions()).labels,
+        FLOW: lambda problem: flowing(problem, by_or_tools),
+        "SciPy's flow": lambda problem: flowing(problem, maximum_flow.by_scipy),
+        "PyMaxflow": graph_cut_labels,
+    }
+    rows = [["free pixels", *(f"{name}, ms" for name in engines), "flow's cost ÷ heat's"]]
+    for side in RINGS:
+        masks = ring(side, 2 * side // 15)
+        problem = seam_problem(*pair(side, side, 1, 0), *masks, "right", ts.seam.MatchCost(law="gradient"))[0]
+        row, cost = [f"{np.count_nonzero(problem.overlap.side == FREE):,}"], {}
+        for name, engine in engines.items():
+            took, labels = timed(
+                lambda e=engine: e(SeamProblem(problem.overlap, problem.right, problem.down))
+            )
+            cost[name] = problem.cost(labels)
+            row.append(f"{1e3 * took:.3g}")
+        rows.append([*row, f"{cost[FLOW] / cost['heat']:.4f}"])
+        print(" | ".join(rows[-1]), flush=True)
+    return rows
+
+
+def flowing(problem: SeamProblem, engine: maximum_flow.Engine) -> np.ndarray:
+    """The best seam by one engine of maximum flow."""
+    before = maximum_flow._engine_for
+    maximum_flow._engine_for = lambda _nodes: engine
+    try:
+        return exact_labels(problem)
+    finally:
+        maximum_flow._engine_for = before
+
+
+def timed(call: Callable[[], object]) -> tuple[float, object]:
+    """The least processor time of three calls, s, and the result."""
+    times = []
+    with one_thread():
+        for _ in range(3):
+            started = time.process_time()
+            found = call()
+            times.append(time.process_time() - started)
+            if times[-1] > 2:
+                break
+    return min(times), found
+
+
+def main() -> None:
+    """Print both tables."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--write", action="store_true")
+    write = parser.parse_args().write
+    print(stamp())
+    tables = {"strips": strips(), "rings": rings()}
+    for name, rows in tables.items():
+        if write:
+            write_table("heat.md", f"benchmarks/engines.py, {name}", rows)
+
+
+if __name__ == "__main__":
+    main()

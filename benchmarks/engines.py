@@ -13,6 +13,7 @@ import argparse
 import statistics
 import time
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -44,7 +45,7 @@ def strips() -> list[list[str]]:
             a, b = pair(length, width, index, 3)
             took, found = {}, {}
             for method in ("auto", "heat"):
-                took[method], found[method] = timed(lambda m=method: ts.find_seam(a, b, method=m))
+                took[method], found[method] = timed(partial(ts.find_seam, a, b, method=method))
             auto.append(1e3 * took["auto"])
             times.append(took["heat"] / took["auto"])
             costs.append(found["heat"].cost / found["auto"].cost)
@@ -79,9 +80,8 @@ def rings() -> list[list[str]]:
         problem = seam_problem(*pair(side, side, 1, 0), *masks, "right", ts.seam.MatchCost(law="gradient"))[0]
         row, cost = [f"{np.count_nonzero(problem.overlap.side == FREE):,}"], {}
         for name, engine in engines.items():
-            took, labels = timed(
-                lambda e=engine: e(SeamProblem(problem.overlap, problem.right, problem.down))
-            )
+            fresh = SeamProblem(problem.overlap, problem.right, problem.down)
+            took, labels = timed(partial(engine, fresh))
             cost[name] = problem.cost(labels)
             row.append(f"{1e3 * took:.3g}")
         rows.append([*row, f"{cost[FLOW] / cost['heat']:.4f}"])

@@ -11,11 +11,12 @@ and generated noise with a 1/f spectrum; where a photograph is too small, a canv
 crops of it, some of them mirrored. Times are medians in ms of processor time on one thread, of everything a
 method does once the match cost is given: for heat the coarse networks, for Dijkstra and PyMaxflow the graph
 (OpenCV's finders and `find_seam` compute a cost of their own). Quotients are medians over the pairs that both
-were asked for; "÷ path" is to the whole of shortest-path, which "Dijkstra alone", SciPy's call on the
-finished graph, is not.
+were asked for; "÷ flow" is to PyMaxflow, "÷ path" to the whole of shortest-path, which "Dijkstra alone",
+SciPy's call on the finished graph, is not.
 
-What a seam costs, ÷ the optimum of the match cost (2.4), is said of the methods that minimise it. What it
-shows is said of all: the mean of 1 - SSIM along it in windows of 15 px, ÷ that of the least cost's seam.
+What a seam costs, "÷ best", the optimum of the match cost (2.4), is said of the methods that minimise it.
+What it shows is said of all: the mean of 1 - SSIM along it in windows of 15 px, ÷ that of the least cost's
+seam.
 
 A method that takes longer than --patience seconds (PyMaxflow: five times that) is not asked for further pairs
 of that size, nor for larger sizes.
@@ -30,6 +31,7 @@ import argparse
 import dataclasses
 import multiprocessing
 import statistics
+import textwrap
 import time
 from collections import defaultdict
 from collections.abc import Callable
@@ -142,11 +144,11 @@ def default(problem: SeamProblem, a: Picture, b: Picture) -> tuple[Labels, float
         return np.pad(labels, 1), time.process_time() - started
 
 
-HEAT, DIJKSTRA, MAXFLOW = "heat", "shortest-path (dual Dijkstra)", "graph-cut (PyMaxflow)"
+HEAT, DIJKSTRA, MAXFLOW = "heat", "shortest-path", "graph-cut (PyMaxflow)"
 ALONE = "    Dijkstra alone"
 
 #: Whose times the others are compared with, and the width of the column.
-PEERS = ((MAXFLOW, 13), (DIJKSTRA, 8))
+PEERS = ((MAXFLOW, 8), (DIJKSTRA, 8))
 
 #: name: (run, whether it minimises the match cost)
 METHODS: dict[str, tuple[Callable[..., tuple[Labels, float]], bool]] = {
@@ -157,7 +159,7 @@ METHODS: dict[str, tuple[Callable[..., tuple[Labels, float]], bool]] = {
     "dp": (timed(dp_labels), True),
     MAXFLOW: (timed(graph_cut_labels), True),
     "find_seam, natural law": (default, False),
-    "scikit-image route_through_array": (timed(route), False),
+    "skimage route_through_array": (timed(route), False),
     "OpenCV GraphCut COLOR": (opencv(lambda: cv2.detail_GraphCutSeamFinder("COST_COLOR")), False),
     "OpenCV GraphCut COLOR_GRAD": (opencv(lambda: cv2.detail_GraphCutSeamFinder("COST_COLOR_GRAD")), False),
     "OpenCV DP COLOR": (opencv(lambda: cv2.detail_DpSeamFinder("COLOR")), False),
@@ -260,10 +262,8 @@ def main() -> None:
         if len(part := [p for p in points if p[0] >= 6400]) > 2
     }
     if fits:
-        print(
-            "time ~ pixels^p from 160 × 40 px on: "
-            + ", ".join(f"{name.strip()} {p:.2f}" for name, p in fits.items())
-        )
+        powers = ", ".join(f"{name.strip()} {p:.2f}" for name, p in fits.items())
+        print(textwrap.fill(f"time ~ pixels^p from 160 × 40 px on: {powers}", 88))
     if options.figure:
         draw(curves, fits, options.figure)
 
@@ -316,16 +316,19 @@ def measure(
                 memory[name] = own.submit(peak_memory, name, length, width, pairs[0][1]).result()
     print(f"{length} × {width} px, {len(spent)} pairs; match cost {1e3 * statistics.median(spent):.1f} ms")
     print(
-        f"{'':<34}{'ms':>9}{'÷ PyMaxflow':>13}{'÷ path':>8}{'cost ÷ optimum':>16}{'worst':>8}"
-        f"{'1 - SSIM':>10}{'MiB':>6}{'× RGB':>7}"
+        f"{'':<28}{'ms':>9}{'÷ flow':>8}{'÷ path':>8}{'÷ best':>8}{'worst':>7}"
+        f"{'1-SSIM':>8}{'MiB':>6}{'× RGB':>7}"
     )
     for name in asked:
         took = median[name]
-        quotients = "".join(f"{quotient(seconds[name], seconds[peer]):>{space}.3f}" for peer, space in PEERS)
+        quotients = "".join(
+            f"{quotient(seconds[name], seconds[peer]):>{space}.3f}" if seconds[peer] else f"{'–':>{space}}"
+            for peer, space in PEERS
+        )
         cost = (
-            f"{statistics.median(ratios[name]):>16.4f}{max(ratios[name]):>8.3f}"
+            f"{statistics.median(ratios[name]):>8.4f}{max(ratios[name]):>7.3f}"
             if ratios[name]
-            else f"{'–':>16}{'':>8}"
+            else f"{'–':>8}{'':>7}"
         )
         peak = (
             f"{memory[name] / 2**20:>6.0f}{memory[name] / (12 * length * width):>7.1f}"
@@ -333,9 +336,8 @@ def measure(
             else ""
         )
         few = "" if len(seconds[name]) == len(spent) else f"  (pairs: {len(seconds[name])})"
-        line = (
-            f"{name:<34}{1e3 * took:>9.2f}{quotients}{cost}{statistics.median(shown[name]):>10.3f}{peak}{few}"
-        )
+        seen = statistics.median(shown[name])
+        line = f"{name:<28}{1e3 * took:>9.2f}{quotients}{cost}{seen:>8.3f}{peak}{few}"
         print(line.rstrip())
         curves.setdefault(name, []).append((length * width, took))
     if HEAT in median:

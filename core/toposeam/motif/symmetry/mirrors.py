@@ -11,7 +11,8 @@ Each has a multiplier of its own, λ_y, beside that of the whole mass. In an upd
 is a factor on the row, :math:`\rho_e\,(-\partial\Pi/\partial\rho_e\,/\,\lambda\lambda_y)^\eta`, and strokes
 grow across the mirror where they help most. Lines through centres of turns by 90° or 60°, where many copies
 meet, are treated alike. In ink wash rows that differ from the next would show as hairlines, and so would the
-band's end: there the band has one factor, which fades out towards its end.
+band's end: there the band has one factor, which fades out towards its end. Along the borders of *reflect* one
+factor would show as a line: rows have factors of their own, smoothed from row to row, which fade out as well.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
+import scipy
 
 from toposeam.heat.plate_joints import Floats
 from toposeam.motif.symmetry.rules import GENERATORS, HEXAGONAL, Symmetry, operations, symmetry
@@ -29,6 +31,8 @@ from toposeam.motif.symmetry.rules import GENERATORS, HEXAGONAL, Symmetry, opera
 _BAND, _LEAST = 0.07, 2
 #: Factors of one pass lie within e^±1, and this many passes are made.
 _LARGEST, _PASSES = 1.0, 6
+#: Factors of rows are smoothed over this share of the band.
+_SMOOTH = 0.25
 
 
 @dataclass(frozen=True)
@@ -43,13 +47,17 @@ class _Line:
     before: npt.NDArray[np.intp]
     after: npt.NDArray[np.intp]
 
-    def factors(self, mean: Floats, wash: bool) -> Floats:
+    def factors(self, mean: Floats, wash: bool, each: bool) -> Floats:
         wanted = (1 - self.share) * mean[self.before].mean() + self.share * mean[self.after].mean()
-        if wash:
+        if wash and not each:
             lacking = np.log((self.fully * wanted).sum() / (self.fully * mean[self.rows]).sum())
             whole: Floats = self.fully * np.clip(lacking, -_LARGEST, _LARGEST)
             return whole
         found: Floats = np.clip(np.log(wanted / mean[self.rows]), -_LARGEST, _LARGEST)
+        if wash:
+            width = _SMOOTH * len(found)
+            found = scipy.ndimage.gaussian_filter1d(found * self.fully, width, mode="nearest")
+            found *= np.sqrt(self.fully)
         return found
 
 
@@ -91,12 +99,11 @@ class Mirrors:
         self, density: Floats, mass: float, lowest: Floats, highest: Floats, *, wash: bool = False
     ) -> Floats:
         """Return a design with as much on mirrors as beside them, within bounds, and with the mass that it
-        should have where they allow: each row of the band, or, of wash, the band as a whole; but for the
-        borders of `reflect`, along which wash would show as a line.
+        should have where they allow: each row of the band, or, of wash, the band as a whole, but for the
+        borders of `reflect`.
         """
         if not self.any:
             return density
-        wash = wash and not self._free
         for _ in range(_PASSES):
             density = np.clip(self._levelled(density, wash), lowest, highest)
             density = np.clip(density * (mass / density.mean()), lowest, highest)
@@ -120,7 +127,7 @@ class Mirrors:
     def _factors(self, axis: int, mean: Floats, wash: bool) -> Floats:
         found = np.zeros(len(mean))
         for line in self._lines[axis]:
-            found[line.rows] += line.factors(mean, wash)
+            found[line.rows] += line.factors(mean, wash, self._free)
         return found
 
 

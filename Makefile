@@ -6,7 +6,7 @@ READY := $(VENV)/.ready
 ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1
 
 .DEFAULT_GOAL := help
-.PHONY: browser test-gimp-all help demo test test-lowest docs quick release gimp test-gimp gimp-figures bench-gimp translations plugin-zip check check-deep check-trust lint format bench bench-all guard figures clean
+.PHONY: browser test-gimp-all help demo test test-lowest docs quick release gimp test-gimp gimp-figures bench-gimp translations plugin-zip check check-deep check-trust lint format bench bench-all results guard figures clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
@@ -99,10 +99,14 @@ bench: $(READY)  ## seams against their peers, in one run (about 5 minutes)
 	$(BIN)/python benchmarks/small_seams.py --seams 100
 	$(BIN)/python benchmarks/seams.py
 
-bench-all: bench  ## and textures, plates, stitching, batches and pattern books against theirs
+results: $(READY)  ## the tables of docs/results.md and docs/heat.md, measured and written there (40 minutes)
+	$(BIN)/python benchmarks/results.py -j 2
+	$(BIN)/python benchmarks/engines.py --write
+	$(BIN)/python docs/made.py ../benchmarks/seams.py
+
+bench-all: bench results  ## and textures, plates, batches and pattern books against theirs
 	$(BIN)/python benchmarks/texture.py
 	$(BIN)/python benchmarks/plate.py
-	$(BIN)/python benchmarks/stitching.py
 	$(BIN)/python benchmarks/batch.py
 	$(BIN)/python benchmarks/book.py
 

@@ -79,3 +79,20 @@ def test_functions(tmp_path, seed):
     assert codes.count(0) > len(codes) / 20, (
         "hardly anything works: the fuzzer does not reach the deeper rooms"
     )
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+def test_every_argument_is_refused_in_a_sentence(tmp_path):
+    """Each argument of each function in turn, with each value that may be wrong."""
+    ran = subprocess.run(
+        [sys.executable, HERE / "sweep.py"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        env=os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "PYTHONWARNINGS": "ignore"},
+    )
+    assert ran.returncode == 0, ran.stderr[-3000:]
+    found = {line["function"]: line["bad"] for line in map(json.loads, ran.stdout.splitlines())}
+    assert len(found) > 40
+    assert not any(found.values()), {name: bad for name, bad in found.items() if bad}

@@ -334,16 +334,18 @@ def _of_layer(value: Any, index: int, layers: int, name: str) -> Points | None:
 def _number(value: float | Sequence[float] | None, index: int, layers: int, drawn: float, name: str) -> float:
     if value is None:
         return drawn
-    if np.ndim(value) == 0:
+    if isinstance(value, str) or not isinstance(value, Sequence | np.ndarray):
         return check_number(name, value)
-    values = list(value)  # type: ignore[arg-type]
+    values = check_numbers(name, value)
+    if values.ndim == 0:
+        return check_number(name, values)
     if len(values) != layers:
         raise OptionError(
             "{parameter} is given for {count} layers, the motif has {wanted}; give one number"
             " or one for each",
             kind="count",
             parameter=Term(name),
-            value=values,
+            value=value,
             count=len(values),
             wanted=layers,
         )

@@ -285,7 +285,7 @@ def _check(recipes: Sequence[Recipe], weight: float, stages: int, between: int, 
     check_range(0, 1, weight=weight)  # 0: each on its own, 1: compound motifs only
     check_whole("stages", stages, 1, 10)
     check_whole("between", between, 1, 10)
-    check_whole("shared", shared, 0)
+    check_whole("shared", shared, 0, min(recipes[0].size))
     first = recipes[0]
     if first.repeat not in _JOINABLE:
         raise OptionError(

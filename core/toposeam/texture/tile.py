@@ -129,8 +129,9 @@ def make_tileable(
         image = _even(request, image, flatten=flatten, level=level)
     band = _band(request, image, band, wraps)
     border, near = (_borders((height, width), wraps, reach) for reach in (1, band))
-    if alpha is not None and np.shape(alpha) == border.shape and not (border & (np.asarray(alpha) > 0)).any():
-        if not np.any(np.asarray(alpha) > 0):
+    alpha = None if alpha is None else as_array(alpha, "alpha")
+    if alpha is not None and alpha.shape == border.shape and not (border & (alpha > 0)).any():
+        if not np.any(alpha > 0):
             raise ImageError(
                 "{array} is transparent everywhere; give one that shows something",
                 kind="transparent",

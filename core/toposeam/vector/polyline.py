@@ -68,7 +68,7 @@ class Polyline:
 
     def __post_init__(self) -> None:
         try:
-            points = np.array(self.points, np.float64)
+            points = np.array(self.points).astype(np.float64, casting="same_kind")
         except (TypeError, ValueError) as error:
             raise PathError(f"points are no numbers ({error}); a path needs an (N, 2) array") from error
         if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2:

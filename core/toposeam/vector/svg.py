@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from toposeam.checks import check_pair
 from toposeam.errors import OptionError, PathError
 from toposeam.sentence import counted
 from toposeam.vector.polyline import Floats, Polyline
@@ -164,6 +165,7 @@ def read_svg(source: str | bytes | os.PathLike[str], *, size: tuple[int, int] | 
     >>> bool((ts.vector.read_svg(seam.to_svg()).polylines[0].points == seam.paths[0].points).all())
     True
     """
+    size = None if size is None else check_pair("size", size, 1)
     root = parse(document_of(source))
     if tag_of(root) != "svg":
         raise PathError(

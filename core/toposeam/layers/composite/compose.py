@@ -127,6 +127,7 @@ def compose(
     thorough = search_options(effort, len(layers))
     check_core(core, speck)
     check_blend(blend, blend_width)
+    check_choice("record_frames", record_frames, (True, False))
     method = method_for(
         method,
         heats=record_frames

@@ -17,7 +17,7 @@ from toposeam.layers.canvas.layer import MAX_MEGAPIXELS, Extent, Layer, check_la
 from toposeam.layers.canvas.painting import LabelMap, channel_count, paint
 from toposeam.layers.canvas.tile_map import blocks
 from toposeam.layers.composite.stitch import Stitched, pair_name, stitch
-from toposeam.layers.composite.two_layers import moved_seam
+from toposeam.layers.composite.two_layers import moved_seam, paths_by_pair
 from toposeam.layers.labelling.problem import Pair
 from toposeam.seam.problem.overlap import FREE, NONE, A, B
 from toposeam.seam.result.apply import labels_from_paths
@@ -87,9 +87,7 @@ def restitch(
         here = label_map[place.slices]
         here[covered[index] & (shown | (here < 0))] = index
     seams: dict[Pair, Seam] = {}
-    for pair, drawing in paths.items():
-        if not all(0 <= index < len(layers) for index in pair) or pair[0] == pair[1]:
-            raise OptionError(f"a path was given between layers {pair[0]} and {pair[1]}; choose two of them")
+    for pair, drawing in paths_by_pair(paths, len(layers)).items():
         seams[pair] = _divide(layers, canvas, label_map, pair, drawing)
     image, alpha = paint(layers, places, label_map, canvas.box, channel_count(layers))
     placed = Placed(layers=layers, places=places, covered=covered, label_map=label_map)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from toposeam.checks import check_kind
+from toposeam.checks import check_kind, check_pair
 from toposeam.errors import OptionError, OverlapError, PathError
 from toposeam.images import Mask
 from toposeam.layers.canvas.layer import Box, Extent, Layer, cut
@@ -133,8 +133,10 @@ def paths_by_pair(given: SvgSeam | Mapping[Pair, SvgSeam] | None, count: int) ->
         return {(0, 1): given}
     check_kind("use_path", given, Mapping, "an SvgSeam, or one for each pair of layers")
     paths: dict[Pair, SvgSeam] = {}
-    for (first, second), drawing in given.items():
-        if not (0 <= first < count and 0 <= second < count) or first == second:
+    for pair, drawing in given.items():
+        first, second = check_pair("use_path", pair, 0)
+        check_kind("use_path", drawing, SvgSeam, "an SvgSeam for each pair of layers")
+        if first >= count or second >= count or first == second:
             raise OptionError(
                 f"a path was given between layers {first} and {second}; choose two different ones from 0 to "
                 f"{count - 1}"

@@ -176,6 +176,7 @@ class PlaceOptions:
         check_choice("model", self.model, ("auto", *MODELS))
         check_choice("projection", self.projection, ("auto", *PROJECTIONS))
         check_choice("level", self.level, (True, False))
+        check_choice("exact", self.exact, (True, False))
         check_range(0, 1, above=True, least_correlation=self.least_correlation)
         if self.focal is not None:
             check_range(0, math.inf, above=True, focal=self.focal)

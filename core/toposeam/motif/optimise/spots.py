@@ -64,7 +64,7 @@ def spots(
             places[index] = onto_axes(places[index], repeat, rng)
         return tuple((float(x), float(y), float(s)) for (x, y), s in zip(places, powers, strict=True))
     try:
-        array = np.asarray(count, np.float64)
+        array = np.asarray(count).astype(np.float64, casting="same_kind")
     except (TypeError, ValueError):
         array = np.zeros(0)
     if array.ndim != 2 or array.shape[1] not in (2, 3) or len(array) == 0:

@@ -91,7 +91,7 @@ class MatchCost:
     def __post_init__(self) -> None:
         check_choice("law", self.law, LAWS)
         check_range(0, above=True, epsilon=self.epsilon, length=self.length)
-        check_range(0, flat=self.flat, reach=self.reach or 0.0)
+        check_range(0, flat=self.flat, reach=0.0 if self.reach is None else self.reach)
 
     @property
     def look(self) -> int:

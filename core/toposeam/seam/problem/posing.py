@@ -260,7 +260,7 @@ def as_weights(weight: npt.ArrayLike, shape: tuple[int, ...]) -> npt.NDArray[np.
         When one is not positive and finite.
     """
     try:
-        array = np.asarray(weight, float)
+        array = np.asarray(weight).astype(np.float64, casting="same_kind", copy=False)
     except (TypeError, ValueError) as error:
         raise ImageError(
             "{array} cannot be read as numbers ({reason}); pass one value per {unit}",

@@ -41,15 +41,14 @@ def by_name(known):
     layers = [ts.Layer(wide[:16, :24]), ts.Layer(wide[:16, :24], at=(12, 3))]
     joined = ts.stitch(layers)
     path = ts.vector.read_svg(joined.seams[0].to_svg())
+    recipe = ts.motif.random_recipe(24, repeat="translate", iterations=2, layers=1)
     return {
         "align": {"layers": crops},
         "find_places": {"pictures": crops},
         "apply_coordinates": {"images": wide, "source": synthesis.source},
         "border_visibility": {"pattern": wide[:96, :96], "cell": (48, 48)},
         "draw_svg": {"motif": motif},
-        "join_motifs": {
-            "recipes": [ts.motif.random_recipe(24, repeat="translate", iterations=2, layers=1)] * 2
-        },
+        "join_motifs": {"recipes": [recipe, recipe]},
         "join_volumes": {"a": volume, "b": volume, "offset": (0, 0, 12)},
         "make_tileable": {"image": wide[:64, :64]},
         "overlapping": {"a": wide, "b": wide, "overlap": 20},

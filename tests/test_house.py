@@ -37,7 +37,7 @@ ARROWS = {
     "toposeam.checks": {"toposeam.errors"},
     "toposeam.images": {"toposeam.errors", "toposeam.checks"},
     "toposeam.colours": {"toposeam.errors"},
-    "toposeam.saving": set(),
+    "toposeam.saving": {"toposeam.checks"},
     "toposeam.display": BASE,
     "toposeam.picture_files": BASE | {"toposeam.display", "toposeam.saving"},
     "toposeam.heat": {"toposeam.errors", "toposeam.checks"},

@@ -10,7 +10,7 @@ import numpy as np
 
 from toposeam.display import to_pil, to_rgba8
 from toposeam.errors import OptionError
-from toposeam.saving import save
+from toposeam.saving import path_of, save
 
 #: Suffixes of files, and Pillow's name of the format.
 _FORMATS = {
@@ -46,7 +46,7 @@ class PictureResult:
         OSError
             When the file cannot be written; what was there is still there.
         """
-        save(path, _encoded(self, Path(path)))
+        save(path, _encoded(self, path_of(path)))
 
 
 def _encoded(result: Any, path: Path) -> bytes:

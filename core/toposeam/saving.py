@@ -8,6 +8,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from toposeam.checks import check_kind
+
 fcntl: Any = None
 with suppress(ImportError):  # there is none on Windows
     import fcntl
@@ -24,10 +26,12 @@ def save(path: str | Path, content: str | bytes) -> None:
 
     Raises
     ------
+    OptionError
+        For what is no name of a file.
     OSError
         When it cannot be written; what was there is still there.
     """
-    target = Path(os.path.realpath(path))
+    target = Path(os.path.realpath(path_of(path)))
     temporary = target.with_name(f".toposeam-{secrets.token_hex(8)}.part")
     try:
         with temporary.open("xb") as file:
@@ -47,3 +51,14 @@ def save(path: str | Path, content: str | bytes) -> None:
         if isinstance(error, OSError) and error.filename == str(temporary):
             error.filename = str(path)
         raise
+
+
+def path_of(path: Any) -> Path:
+    """Return a file's name as a path.
+
+    Raises
+    ------
+    OptionError
+    """
+    check_kind("path", path, (str, Path), "the name of a file")
+    return Path(path)

@@ -13,7 +13,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from toposeam.checks import Seed, check_items, check_pair, check_whole, check_whole_array, seed_of
 from toposeam.errors import OptionError
-from toposeam.motif.ink.printing import MAX_PATTERN, Inked
+from toposeam.motif.ink.printing import MAX_PATTERN, Inked, checked_size
 from toposeam.motif.ink.sampling import resample
 from toposeam.motif.ink.stroke_edges import EDGES, fineness, printed, shading
 from toposeam.motif.motif import Motif
@@ -100,14 +100,14 @@ class Arrangement(Inked):
         return (
             super().resampled(size)
             if size is None
-            else np.stack([self.sampled(index, size) for index in range(len(self.inks))])
+            else np.stack([self.sampled(index, checked_size(size)) for index in range(len(self.inks))])
         )
 
     def ends(self, layer: int) -> tuple[float, np.float32]:
         """Return the stroke ends of all motifs together, each counted once: wherever they lie, and however
         often, a motif looks the same, and strokes meet across borders as the optimisation left them.
         """
-        return self._ends[layer, self.edges[layer]]
+        return self._ends[check_whole("layer", layer, 0, len(self.inks) - 1), self.edges[layer]]
 
     @cached_property
     def _ends(self) -> dict[tuple[int, str], tuple[float, np.float32]]:

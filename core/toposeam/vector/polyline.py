@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.checks import check_range
 from toposeam.display import line_svg
 from toposeam.errors import OptionError, PathError
 
@@ -123,6 +124,7 @@ class Polyline:
         >>> Polyline([[0, 0], [1, 0], [1, 1], [2, 1], [2, 2]]).simplified(0.75).points.tolist()
         [[0.0, 0.0], [2.0, 2.0]]
         """
+        check_range(0, tolerance=tolerance)
         if len(self.points) < 3 + self.closed:
             return self
         from skimage.measure import approximate_polygon

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.checks import check_pair
+from toposeam.checks import check_pair, check_whole
 from toposeam.display import to_png
 from toposeam.errors import OptionError, Term
 from toposeam.motif.ink.mixing import mix
@@ -59,6 +59,7 @@ class Inked(PictureResult, ABC):
 
     def ends(self, layer: int) -> tuple[float, np.float32]:
         """Return the density at which a layer's strokes end in print, and the factor of those inside."""
+        check_whole("layer", layer, 0, len(self.inks) - 1)
         fine = fineness((self.densities.shape[1], self.densities.shape[2]))
         size = fine * self.densities.shape[1], fine * self.densities.shape[2]
         return shading(map(self.sampled, [layer], [size]), self.edges[layer], self.repeat, fine)
@@ -75,9 +76,9 @@ class Inked(PictureResult, ABC):
         ------
         OptionError
         """
+        size = None if size is None else checked_size(size)
         if size is None or size == self.densities.shape[1:]:
             return self.densities
-        size = checked_size(size)
         return np.stack([self.sampled(index, size) for index in range(len(self.inks))])
 
     def coverage(self, size: tuple[int, int] | None = None) -> npt.NDArray[np.float32]:
@@ -95,9 +96,8 @@ class Inked(PictureResult, ABC):
         OptionError
         """
         elements = self.densities.shape[1], self.densities.shape[2]
-        if size is None or size == elements:
-            return self._own_coverage()
-        return self._covered(checked_size(size))
+        size = elements if size is None else checked_size(size)
+        return self._own_coverage() if size == elements else self._covered(size)
 
     def _own_coverage(self) -> npt.NDArray[np.float32]:
         return self._covered((self.densities.shape[1], self.densities.shape[2]))

@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from toposeam.checks import check_range, check_whole
+from toposeam.checks import check_choice, check_range, check_whole
 from toposeam.heat.plate import MOST_ITERATIONS, Plate
 from toposeam.optimize.oc import OCOptions, oc_step
 from toposeam.path.strip import Strip
@@ -34,6 +34,8 @@ _INSULATION = 1e-6
 _CONVECTION = 1.0
 #: On grounds of fewer rows or columns multigrid has no coarser ones.
 _NARROW = 8
+#: Iterations at most.
+_MOST = 10_000
 
 
 class PathKeywords(TypedDict, total=False):
@@ -71,9 +73,10 @@ class PathOptions:
 
     def __post_init__(self) -> None:
         check_range(0, above=True, stroke_px=self.stroke_px)
-        check_whole("gather", self.gather, 1)
-        check_whole("sharpen", self.sharpen, 0)
+        check_whole("gather", self.gather, 1, _MOST)
+        check_whole("sharpen", self.sharpen, 0, _MOST)
         check_range(1, 10, penalty=self.penalty)
+        check_choice("taut", self.taut, (True, False))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -123,6 +123,11 @@ ERRORS = {
         ts.OptionError,
         "leave gradient out",
     ),
+    "paths in an array": (
+        lambda: ts.stitch([crop(0, 0), crop(20, 0)], give=8, use_path=np.ones((8, 8))),
+        ts.OptionError,
+        "use_path says where they are",
+    ),
     "two ways": (
         lambda: ts.stitch([crop(0, 0), crop(20, 0)], options=ts.seam.HeatOptions(), tolerance=0.1),
         ts.OptionError,

@@ -51,6 +51,17 @@ def test_a_hole_of_up_to_two_patches_is_closed_by_one(sample, side, many):
     assert (made.count > 1) == many
 
 
+@pytest.mark.parametrize("by", ["patches", "shifts"])
+def test_a_context_wider_than_the_hole_is_looked_at(sample, by):
+    """The margin for it is wider than what is searched for."""
+    image = sample(3, (72, 96))
+    hole = np.zeros(image.shape, bool)
+    hole[12:29, 12:29] = True
+    made = ts.fill(np.where(hole, 255, image).astype(np.uint8), hole, by=by, context=40)
+    np.testing.assert_array_equal(made.image[40:], image[40:])
+    assert (made.labels[hole] > 0).all()
+
+
 def test_zero_tolerance_takes_the_best_place_for_any_seed(sample):
     image = sample(1, (160, 160))
     hole = np.zeros(image.shape, bool)

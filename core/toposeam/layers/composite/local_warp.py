@@ -11,7 +11,7 @@ better.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -47,7 +47,8 @@ def check_give(give: int, use_path: object, wrap: int | None) -> None:
     """Refuse a largest displacement that is none, and what seams that are searched again exclude."""
     if not check_whole("give", give, 0, MOST):
         return
-    for name, given in (("use_path", bool(use_path)), ("wrap", wrap is not None)):
+    paths = bool(use_path) if isinstance(use_path, Mapping) else use_path is not None
+    for name, given in (("use_path", paths), ("wrap", wrap is not None)):
         if given:
             raise OptionError(
                 "{give} bends layers and searches their seams again, and {other} says where they are or go "

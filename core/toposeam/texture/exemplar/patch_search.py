@@ -197,9 +197,12 @@ class PatchSearch:
         if found is None:
             spectrum = self._spectra(mass[np.newaxis])[0]
             room = self.room(patch)[margin[0] :: self.factor, margin[1] :: self.factor]
+            # What would begin farther down or right lies in a margin, where there is no room.
             rows, columns = (
-                min(grid - length + 1, fits)
-                for grid, length, fits in zip(self._grid, mass.shape, room.shape, strict=True)
+                min(grid - length + 1, fits, size)
+                for grid, length, fits, size in zip(
+                    self._grid, mass.shape, room.shape, self._size, strict=True
+                )
             )
             below = self._back(spectrum * self._present, rows, columns)
             blocked = (below < _LEAST_SHARE * mass.sum()) | ~room[:rows, :columns]

@@ -118,7 +118,7 @@ def synthesize(
         patches are mixed, vectors have length 1 again.
     weights : sequence of float, optional
         How much the picture, each map and the normals count in the search and in the seams, against a
-        picture of as much variance; 1 each by default.
+        picture of as much variance; 1 each by default, 1e6 at most.
     shares : sequence of float, optional
         On how much of the texture each exemplar is to show against the others, nearly; by default wherever
         it fits best.

@@ -474,3 +474,9 @@ def test_seams_run_with_the_later_patch_on_their_right(sample):
     labels[:, 25:] = 1
     (line,) = dataclasses.replace(made, labels=labels).paths
     assert line.points.tolist() == [[25, 40], [25, 0]]
+
+
+@pytest.mark.parametrize("weight", [1e40, -1.0])
+def test_weights_without_bound_or_below_0_are_refused(sample, weight):
+    with pytest.raises(ts.OptionError, match="one of the weights"):
+        ts.synthesize(sample(1), 80, patch=24, weights=[weight])

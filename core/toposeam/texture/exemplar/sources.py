@@ -25,6 +25,8 @@ WHOLE: Window = np.s_[:, :]
 UNSEEN_STEP = 0.004
 #: Rows of an exemplar that are looked at first.
 _EVERY = 64
+#: A map's weight at most: only their ratios count.
+_MOST_WEIGHT = 1e6
 
 _ALPHA, _NORMAL = Term("alpha"), Term("normal", "the normal map")
 
@@ -396,7 +398,7 @@ def _weights(weights: Sequence[float] | None, count: int) -> list[float]:
     if weights is None:
         return [1.0] * count
     found = [
-        check_number(Term("weights", "one of the weights", 0), weight, 0)
+        check_number(Term("weights", "one of the weights", 0), weight, 0, _MOST_WEIGHT)
         for weight in _several(weights, "weights")
     ]
     if len(found) != count:

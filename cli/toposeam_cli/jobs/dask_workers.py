@@ -162,9 +162,10 @@ def dask_workers(address: str, count: int, waiting: int = 0) -> Iterator[Workers
         if address == "local":
             # Workers read back what they spill, and import from there: by default from a folder in /tmp that
             # anyone may have made before us, and that stays.
-            settings["temporary-directory"] = str(opened.enter_context(private_folder()))
+            folder = opened.enter_context(private_folder())
+            settings["temporary-directory"] = str(folder)
         opened.enter_context(dask.config.set(settings))
-        cluster = _local_cluster(count) if address == "local" else None
+        cluster = _local_cluster(count, folder) if address == "local" else None
         try:
             with _client_of(cluster, address) as client:
                 threads = sum(client.nthreads().values())
@@ -229,20 +230,13 @@ def _running_loop() -> Iterator[Any]:
         thread.join(_CLOSING_S)
 
 
-def _local_cluster(count: int) -> Any:
+def _local_cluster(count: int, folder: Path) -> Any:
     """Make a Dask cluster of processes that speak TLS with a key and a certificate made on the spot: without
     these, anyone who can connect to this machine's ports could run programs as this user.
     """
     from distributed import LocalCluster
-    from distributed.security import Security
 
-    try:
-        security = Security.temporary()
-    except ImportError as error:
-        raise MissingPackageError(
-            "a Dask cluster that nobody else can use needs cryptography; install it with: pip install "
-            "cryptography"
-        ) from error
+    security = _security(folder)
     _silence()
     cluster = None
     try:
@@ -266,6 +260,33 @@ def _local_cluster(count: int) -> Any:
         _close(cluster)
         raise
     return cluster
+
+
+def _security(folder: Path) -> Any:
+    """Make a key and a certificate for TLS, as files in a private folder.
+
+    Each process that is given them as texts writes them to a temporary folder of its own for a moment, and
+    leaves that when it is killed in it.
+    """
+    from distributed.security import Security
+
+    try:
+        made = Security.temporary()
+    except ImportError as error:
+        raise MissingPackageError(
+            "a Dask cluster that nobody else can use needs cryptography; install it with: pip install "
+            "cryptography"
+        ) from error
+    key, certificate = folder / "dask.pem", folder / "dask.crt"
+    key.touch(mode=0o600)
+    key.write_text(made.tls_client_key)
+    certificate.write_text(made.tls_client_cert)
+    by_role = {
+        f"tls_{role}_{part}": str(path)
+        for role in ("client", "scheduler", "worker")
+        for part, path in (("key", key), ("cert", certificate))
+    }
+    return Security(require_encryption=True, tls_ca_file=str(certificate), **by_role)
 
 
 def _close(cluster: Any) -> None:

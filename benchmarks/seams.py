@@ -296,6 +296,7 @@ def measure(
         spent.append(time.process_time() - started)
         best, whole, alone = shortest_path(problem)
         seen = along(problem, a, b)
+        best_seen, best_cost = seen(best), problem.cost(best)
         for name in asked:
             if max(seconds[name], default=0.0) > limit[name]:
                 continue
@@ -304,9 +305,9 @@ def measure(
                 (best, whole) if name == DIJKSTRA else (best, alone) if name == ALONE else run(problem, a, b)
             )
             seconds[name].append(took)
-            shown[name].append(seen(labels) / seen(best))
+            shown[name].append(seen(labels) / best_seen)
             if minimises:
-                ratios[name].append(problem.cost(labels) / problem.cost(best))
+                ratios[name].append(problem.cost(labels) / best_cost)
     median = {name: statistics.median(seconds[name]) for name in asked}
     patient = [name for name in asked if median[name] <= limit[name]]
     memory = {}

@@ -89,15 +89,11 @@ def test_the_sentences_on_the_variants_follow_from_their_table():
     text = " ".join(variants().split())
     stated = rows(variants().partition("--cases")[0])
     usual, unlimited = (stated[f"thesis, plain, move ≤ {move}"] for move in ("0.2", "1"))
-    assert f"cost {float(usual[3]) - 1:.0%}".replace("%", " %") in text
-    assert f"(worst {float(usual[4]) - 1:.0%})".replace("%", " %") in text
-    assert f"it is {float(unlimited[3]) - 1:.0%}".replace("%", " %") in text
-    assert (
-        f"by {float(usual[5]) - 1:.0%} and {float(unlimited[5]) - 1:.0%}".replace("%", " %").replace(
-            " % and", " and"
-        )
-        in text
-    )
+    above = [[100 * (float(told[column]) - 1) for column in (3, 4, 5)] for told in (usual, unlimited)]
+    assert f"cost {above[0][0]:.0f} %" in text
+    assert f"(worst {above[0][1]:.0f} %)" in text
+    assert f"it is {above[1][0]:.0f} %" in text
+    assert f"by {above[0][2]:.0f} and {above[1][2]:.0f} %" in text
     assert (usual[0], unlimited[0]) == ("92%", "88%")  # "one strip in twelve", "one in eight"
     assert "one strip in twelve keeps several lines" in text
     cases = rows(variants().partition("--cases")[2])["thesis, plain, move ≤ 1"]

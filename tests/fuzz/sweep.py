@@ -6,22 +6,14 @@ the library's errors. What a caller's own function raises is the caller's.
 
 import inspect
 import json
-import signal
 
 import functions
 import numpy as np
+from watched import TooLong, watched
 
 import toposeam as ts
 
 _ATTEMPTS, _MOST_S = 12, 6
-
-
-class TooLongError(Exception):
-    pass
-
-
-def _too_long(*_):
-    raise TooLongError
 
 
 def results():
@@ -59,11 +51,8 @@ def by_name(known):
     }
 
 
-def valid(name, function, known):
+def valid(function, known):
     """Arguments that the function accepts, or the last ones that were tried."""
-    drawn = by_name(known).get(name, {})
-    if drawn:
-        return drawn
     for seed in range(_ATTEMPTS):
         fuzzer = functions.Fuzzer(seed)
         fuzzer.results = known
@@ -90,23 +79,21 @@ def problem(function, drawn, changed, *, every=False):
         for key, one in parameters(function).items()
         if key in drawn and one.kind is not one.KEYWORD_ONLY
     ]
-    signal.setitimer(signal.ITIMER_REAL, _MOST_S)
     try:
-        function(*arguments, **given)
-    except (ts.TopoSeamError, OSError, TooLongError) as error:
+        with watched(_MOST_S):
+            function(*arguments, **given)
+    except (ts.TopoSeamError, OSError, TooLong) as error:
         return repr(error) if every else None
     except BaseException as error:
         return repr(error)[:200]
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
     return None
 
 
 def main():
-    signal.signal(signal.SIGALRM, _too_long)
     known = results()
+    named = by_name(known)
     for name, function in sorted(functions.FUNCTIONS.items()):
-        drawn, bad = valid(name, function, known), {}
+        drawn, bad = named.get(name) or valid(function, known), {}
         for key, parameter in parameters(function).items():
             if "Callable" in str(parameter.annotation):
                 continue

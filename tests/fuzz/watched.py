@@ -77,7 +77,7 @@ class TooLong(BaseException):
 
 
 @contextmanager
-def watched():
+def watched(longest=LONGEST_S):
     """Raise :class:`TooLong` in time; the yielded dict says afterwards what was spent: time, and memory."""
 
     def ring(number, frame):
@@ -85,7 +85,7 @@ def watched():
 
     spent = {}
     before = signal.signal(signal.SIGPROF, ring)
-    signal.setitimer(signal.ITIMER_PROF, LONGEST_S)
+    signal.setitimer(signal.ITIMER_PROF, longest)
     start, most = time.process_time(), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     try:
         yield spent

@@ -17,7 +17,7 @@ from toposeam.seam.exact.graph_cut import least_cut
 from toposeam.seam.problem.match_cost import MatchCost, check_no_reach, match_options
 from toposeam.seam.problem.solution import Solution
 from toposeam.volume.heat.method import SurfaceKeywords, SurfaceOptions, heat_surface
-from toposeam.volume.problem.posing import surface_problem
+from toposeam.volume.problem.posing import check_spacing, surface_problem
 from toposeam.volume.problem.surface_problem import SurfaceProblem
 from toposeam.volume.surface import Surface
 
@@ -132,7 +132,7 @@ def find_surface(
         a, b, mask_a, mask_b, where, match, spacing, weight, avoid, core, speck, channel_axis, data_range
     )
     settings: dict[str, Any] = {"core": core, "speck": speck} if masked else {"axis": where}
-    settings |= {"spacing": tuple(map(float, spacing)), **dataclasses.asdict(match)}
+    settings |= {"spacing": check_spacing(spacing), **dataclasses.asdict(match)}
     if method == "heat":
         settings |= dataclasses.asdict(chosen)
     return solve_surface(problem, only_b, method, chosen, settings, progress)

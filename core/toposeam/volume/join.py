@@ -20,7 +20,7 @@ from toposeam.volume.heat.method import SurfaceKeywords, SurfaceOptions
 from toposeam.volume.mesh import Mesh, mesh_of
 from toposeam.volume.problem.arrays import Volume, as_volume
 from toposeam.volume.problem.canvas import Places, placed
-from toposeam.volume.problem.posing import face_areas
+from toposeam.volume.problem.posing import check_spacing
 from toposeam.volume.surface import Surface
 
 
@@ -153,11 +153,11 @@ def join_volumes(
             channels_b=other.shape[3],
         )
     match = check_no_reach(match_options(gradient, cost), "surfaces")
-    face_areas(spacing)
+    spacing = check_spacing(spacing)
     places = placed(one.shape[:3], other.shape[:3], offset)
     settings: dict[str, Any] = {
         "offset": tuple(int(step) for step in offset),
-        "spacing": tuple(map(float, spacing)),
+        "spacing": spacing,
         "block": block,
         **dataclasses.asdict(match),
     }

@@ -28,7 +28,7 @@ import scipy
 from toposeam.checks import check_choice
 from toposeam.errors import OptionError, Term
 from toposeam.images import Image, Mask, as_planes, box_of, full_scale, in_dtype
-from toposeam.layers.blending.gradient_domain import correction
+from toposeam.layers.blending.gradient_domain import correction, lying_inside
 from toposeam.layers.blending.multiband import Contribution, Mixture
 from toposeam.layers.canvas.layer import Box, Layer, cut
 from toposeam.layers.canvas.painting import LabelMap
@@ -397,9 +397,10 @@ def _spread(placed: Placed, image: Image, width: float | None, goes_round: bool)
     label_map = dense(placed.label_map)
     ground = label_map >= 0
     planes = [image] if image.ndim == 2 else [image[..., channel] for channel in range(image.shape[2])]
+    inner = lying_inside(placed.covered, placed.places)
     for channel, plane in enumerate(planes):
         values = correction(
-            placed.layers, placed.places, placed.covered, label_map, channel, width, goes_round
+            placed.layers, placed.places, placed.covered, label_map, channel, width, goes_round, inner
         )
         values += plane
         np.copyto(plane, in_dtype(values, plane.dtype), where=ground)

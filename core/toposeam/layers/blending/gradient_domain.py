@@ -39,6 +39,7 @@ def correction(
     channel: int,
     width: float | None,
     goes_round: bool = False,
+    inner: Mask | None = None,
 ) -> Floats:
     """What to add to one channel of the composite, (H, W), in the layers' own units.
 
@@ -55,10 +56,13 @@ def correction(
         Distance, px, over which the correction fades; None keeps all gradients and the mean.
     goes_round : bool
         Whether the canvas's left edge adjoins its right one.
+    inner : (n,) bool array, optional
+        Which layers lie inside another one, if it is known (:func:`lying_inside`).
     """
     columns = label_map.shape[1]
     source, onto = np.zeros((2, *label_map.shape))
-    flat, inner = label_map.ravel(), _lying_inside(covered, places)
+    flat = label_map.ravel()
+    inner = lying_inside(covered, places) if inner is None else inner
     borders = [(np.flatnonzero(_differ(label_map, axis)), stride) for axis, stride in ((1, 1), (0, columns))]
     if goes_round:
         end, begin = label_map[:, -1], label_map[:, 0]
@@ -88,7 +92,7 @@ def correction(
     return result
 
 
-def _lying_inside(covered: Sequence[Mask], places: Sequence[Box]) -> Mask:
+def lying_inside(covered: Sequence[Mask], places: Sequence[Box]) -> Mask:
     """(n,) bool: which layers lie wholly inside another one; of two that are equal the later one does."""
     size = [np.count_nonzero(dense(cover)) for cover in covered]
     inside = np.zeros(len(covered), bool)

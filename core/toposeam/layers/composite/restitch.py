@@ -87,7 +87,7 @@ def restitch(
         here = label_map[place.slices]
         here[covered[index] & (shown | (here < 0))] = index
     seams: dict[Pair, Seam] = {}
-    for pair, drawing in paths_by_pair(paths, len(layers)).items():
+    for pair, drawing in paths_by_pair(paths, len(layers), "paths").items():
         seams[pair] = _divide(layers, canvas, label_map, pair, drawing)
     image, alpha = paint(layers, places, label_map, canvas.box, channel_count(layers))
     placed = Placed(layers=layers, places=places, covered=covered, label_map=label_map)

@@ -120,8 +120,10 @@ def moved_seam(seam: Seam, box: Box, canvas: Extent, label_map: LabelMap, index:
     return dataclasses.replace(seam, problem=problem, _only_b=lambda: dense(label_map) == index)
 
 
-def paths_by_pair(given: SvgSeam | Mapping[Pair, SvgSeam] | None, count: int) -> dict[Pair, SvgSeam]:
-    """The given seams by pair, the lower number first."""
+def paths_by_pair(
+    given: SvgSeam | Mapping[Pair, SvgSeam] | None, count: int, name: str = "use_path"
+) -> dict[Pair, SvgSeam]:
+    """The given seams by pair, the lower number first; `name` is the caller's word for them."""
     if given is None:
         return {}
     if isinstance(given, SvgSeam):
@@ -131,11 +133,11 @@ def paths_by_pair(given: SvgSeam | Mapping[Pair, SvgSeam] | None, count: int) ->
                 f"{{(0, 1): path}}"
             )
         return {(0, 1): given}
-    check_kind("use_path", given, Mapping, "an SvgSeam, or one for each pair of layers")
+    check_kind(name, given, Mapping, "an SvgSeam, or one for each pair of layers")
     paths: dict[Pair, SvgSeam] = {}
     for pair, drawing in given.items():
-        first, second = check_pair("use_path", pair, 0)
-        check_kind("use_path", drawing, SvgSeam, "an SvgSeam for each pair of layers")
+        first, second = check_pair(name, pair, 0)
+        check_kind(name, drawing, SvgSeam, "an SvgSeam for each pair of layers")
         if first >= count or second >= count or first == second:
             raise OptionError(
                 f"a path was given between layers {first} and {second}; choose two different ones from 0 to "

@@ -34,7 +34,7 @@ from toposeam.volume.clip.walk import closed_walk
 from toposeam.volume.find import find_surface
 from toposeam.volume.heat.method import SurfaceKeywords, SurfaceOptions
 from toposeam.volume.problem.arrays import Volume, as_volume
-from toposeam.volume.problem.posing import face_areas
+from toposeam.volume.problem.posing import check_spacing
 from toposeam.volume.surface import Surface
 
 #: Longer clips are refused: the time grows with the square of the frames.
@@ -197,14 +197,14 @@ def loop(
         check_kind("cost", cost, MatchCost, "a MatchCost")
     match = check_no_reach(match_options(gradient, cost, "gradient"), "surfaces")
     chosen = seed_of(seed)
-    face_areas(spacing)
+    spacing = check_spacing(spacing)
     settings = {
         "length": length,
         "start": start,
         "transition": transition,
         "grow": grow,
         "seed": chosen,
-        "spacing": tuple(map(float, spacing)),
+        "spacing": spacing,
         **dataclasses.asdict(match),
     }
     small = small_frames(clip, data_range)

@@ -111,6 +111,19 @@ def face_areas(spacing: Sequence[float]) -> tuple[np.float32, ...]:
     >>> [float(area) for area in face_areas((8, 1, 1))]
     [0.25, 2.0, 2.0]
     """
+    lengths = check_spacing(spacing)
+    side = float(np.prod(lengths)) ** (1 / 3)
+    return tuple(np.float32(side / length) for length in lengths)
+
+
+def check_spacing(spacing: Sequence[float]) -> tuple[float, float, float]:
+    """Return the depth, height and width of a voxel.
+
+    Raises
+    ------
+    OptionError
+        Unless it is three positive numbers.
+    """
     try:
         lengths = [check_number("spacing", length, 0, above=True) for length in spacing]
     except TypeError as error:
@@ -128,8 +141,8 @@ def face_areas(spacing: Sequence[float]) -> tuple[np.float32, ...]:
             value=spacing,
             count=len(lengths),
         )
-    side = float(np.prod(lengths)) ** (1 / 3)
-    return tuple(np.float32(side / length) for length in lengths)
+    depth, height, width = lengths
+    return depth, height, width
 
 
 def match_costs(

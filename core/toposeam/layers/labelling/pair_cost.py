@@ -27,7 +27,7 @@ from toposeam.seam.problem.seam_problem import M_MAX
 #: looked at.
 KEPT_PIXELS = 1 << 20
 #: Rows of about so many pixels are computed at once.
-_BLOCK_PIXELS = 1 << 16
+_BLOCK_PIXELS = 1 << 18
 #: Boxes of up to so many pixels are computed as one.
 _WHOLE_PIXELS = 1 << 15
 #: Rows of a band that are computed at once.

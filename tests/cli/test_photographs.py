@@ -402,6 +402,7 @@ def test_focal_length_and_lens_are_kept_as_given(views, toposeam):
         (("--centre", "2"), "--centre 2 is none of the pictures; give a number from 0 to 1, or a name, like"),
         (("--centre", "c.png"), "--centre c.png is none of the pictures"),
         (("--centre", "-1"), "--centre -1 is none of the pictures"),
+        (("--exact", "--fov", "60"), "--fov is for a camera that turns, not for --exact"),
         (("--offset", "9,9", "--model", "plane"), "--model is for places that are found"),
         (("--overlap", "40", "--centre", "0"), "--centre is for places that are found, and here they are"),
         (("--blend-width", "8", "--as", "scans"), "blend none has no width, but 8 px was given"),
@@ -420,6 +421,8 @@ def test_options_that_contradict_each_other(sole, words, phrase):
         ("--focal", "nan"),
         ("--lens", "0.6"),
         ("--lens", "b"),
+        ("--fov", "0"),
+        ("--fov", "361"),
         ("--as", "paintings"),
     ],
 )
@@ -446,6 +449,18 @@ def test_a_saved_layout_gives_the_same_picture(views, toposeam):
     assert Path("again.png").read_bytes() == Path("out.png").read_bytes()
     joined(toposeam, "pano.pto", "-o", "third.png")
     np.testing.assert_array_equal(pixels("third.png"), pixels())
+
+
+@pytest.mark.medium
+def test_the_field_of_view_is_as_wide_as_asked(views, toposeam):
+    view = "--fov", "40", "--projection", "cylinder", "--crop", "outside"
+    joined(toposeam, *THREE, *view, "--save-layout", "pano.toml", "-o", "out.png")
+    layout = read_layout(Path("pano.toml"))
+    assert {layer.transform.fov for layer in layout.layers} == {40.0}
+    radius = layout.layers[0].transform.radius
+    assert pixels().shape[1] == pytest.approx(radius * math.radians(40), abs=2)
+    joined(toposeam, "pano.toml", "--crop", "outside", "-o", "again.png")
+    assert Path("again.png").read_bytes() == Path("out.png").read_bytes()
 
 
 @pytest.mark.medium
@@ -542,6 +557,14 @@ WRONG = {
         "a.png is 260 × 200 px, and its layout speaks of 200 × 260",
     ),
     "two of three of a lens": (cameras(more="lens = [0, 0]"), "layer 1: lens is [0, 0]; write 3 numbers"),
+    "all round, and not": (
+        cameras(more="").replace("[view]", "[view]\nfov = 90\nwrap = 1445"),
+        "a canvas with fov does not go all the way round; leave wrap or fov out",
+    ),
+    "no field of view": (
+        cameras(more="").replace("[view]", "[view]\nfov = 0"),
+        "view: fov is 0; write a number from 0.001 to 360",
+    ),
     "a camera at a place": (cameras(more="at = [0, 0]"), "says twice where it lies, by at and by size"),
     "behind": (
         cameras(more="").replace("yaw = -20", "yaw = 180").replace("cylinder", "flat"),

@@ -78,6 +78,13 @@ def finding_options(command: Callable[..., Any]) -> Callable[..., Any]:
             help="The picture in the middle: its number or name.",
         ),
         option(
+            "--fov",
+            heading="Finding places",
+            type=FiniteRange(0, 360, min_open=True),
+            metavar="DEGREES",
+            help="Show at most so many degrees across of what a camera saw; all by default.",
+        ),
+        option(
             "--points",
             heading="Finding places",
             type=FILE,
@@ -116,6 +123,7 @@ class FindingOptions:
     projection: str
     level: bool
     centre: str | None
+    fov: float | None
     points: Path | None
     groups: bool
     kind: str | None
@@ -146,6 +154,7 @@ class FindingOptions:
             "--projection": self.projection != "auto",
             "--no-level": not self.level,
             "--centre": self.centre is not None,
+            "--fov": self.fov is not None,
         }
         asked = [name for name, given in of_cameras.items() if given]
         if asked and (self.exact or self.model not in ("auto", "rotation")):
@@ -166,6 +175,7 @@ class FindingOptions:
             projection=self.projection,
             level=self.level,
             centre=centre,
+            fov=self.fov,
             points={} if self.points is None else _read_points(self.points, files),
         )
         return PlaceFinding(

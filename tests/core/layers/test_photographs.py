@@ -200,6 +200,23 @@ def test_the_projection_reaches_the_transforms(projection):
 
 @pytest.mark.medium
 @pytest.mark.usefixtures("seen_once")
+def test_pictures_beyond_the_field_of_view_are_left_out():
+    layers, _ = from_a_point()
+    placement = ts.find_places(layers, fov=20, centre=0)
+    assert placement.model == "rotation"
+    assert placement.numbers == (0, 1)
+    assert placement.left_out == {2: f"{layers[2].name} lies beyond the field of view"}
+    assert set(placement.residuals) == set(placement.correlations) == {(0, 1)}
+    edge = placement.focal * math.tan(math.radians(10))
+    for layer in placement.layers:
+        assert layer.at[0] >= -edge - 1
+        assert layer.at[0] + layer.image.shape[1] <= edge + 2
+    with pytest.raises(ts.OverlapError, match=r"^0\.001 degrees across show 1 of 3 pictures; choose"):
+        ts.find_places(layers, fov=0.001, centre=0)
+
+
+@pytest.mark.medium
+@pytest.mark.usefixtures("seen_once")
 def test_what_is_said_of_the_camera_reaches_the_transforms():
     layers, _ = from_a_point()
     placement = ts.find_places(layers, model="rotation", focal=310.0, lens=-0.01, level=False, centre=2)
@@ -357,6 +374,9 @@ BAD = {
     "a picture before the first": {"centre": -1},
     "half a picture": {"centre": 1.5},
     "a name for a picture": {"centre": "b"},
+    "no field of view": {"fov": 0},
+    "more than all round": {"fov": 361},
+    "a text for a field of view": {"fov": "60°"},
     "no correlation": {"least_correlation": 0},
     "an exact plane": {"model": "plane", "exact": True},
     "an exact camera": {"model": "rotation", "exact": True},

@@ -20,6 +20,7 @@ then says how wide its focal length and the canvas are, and how the canvas shows
     projection = "cylinder"  # flat, cylinder, sphere, panini
     radius = 627.38          # px per radian in the middle
     wrap = 3942              # its width, if it goes all the way round
+    fov = 180.0              # instead: degrees across that it shows at most
 
     [[layer]]
     file = "one.jpg"
@@ -65,7 +66,7 @@ _KEYS = ("file", "name", "mask", "keep", "visible")
 #: What says where a layer lies: one of these ways.
 _PLACE, _MATRIX = ("at", "turn", "scale"), ("matrix",)
 _CAMERA = ("size", "yaw", "pitch", "roll", "focal", "lens", "shift")
-_VIEW = ("projection", "radius", "wrap")
+_VIEW = ("projection", "radius", "wrap", "fov")
 #: As many as an OpenRaster file may have.
 _MOST_LAYERS = 1000
 _FARTHEST_PX = 10**9
@@ -127,6 +128,8 @@ class _View:
     projection: Projection = "flat"
     radius: float = math.nan
     wrap: int | None = None
+    #: Degrees across.
+    fov: float | None = None
 
 
 def _view(path: Path, entry: Any) -> _View:
@@ -134,7 +137,7 @@ def _view(path: Path, entry: Any) -> _View:
         return _View()
     where = f"'{path}', view"
     if not isinstance(entry, dict) or set(entry) - set(_VIEW) or not {"projection", "radius"} <= set(entry):
-        raise ts.OptionError(f"{where} is {entry!r}; write projection, radius and perhaps wrap")
+        raise ts.OptionError(f"{where} is {entry!r}; write projection, radius and perhaps wrap or fov")
     if entry["projection"] not in PROJECTIONS:
         raise ts.OptionError(
             f"{where}: projection is {entry['projection']!r}; write one of {', '.join(PROJECTIONS)}"
@@ -148,7 +151,12 @@ def _view(path: Path, entry: Any) -> _View:
             f"{where}: projection {entry['projection']} does not go all the way round; leave wrap out, or "
             "write cylinder or sphere"
         )
-    return _View(projection=entry["projection"], radius=radius, wrap=wrap)
+    fov = _number(where, entry, "fov", math.nan, 1e-3, 360) if "fov" in entry else None
+    if fov is not None and wrap is not None:
+        raise ts.OptionError(
+            f"{where}: a canvas with fov does not go all the way round; leave wrap or fov out"
+        )
+    return _View(projection=entry["projection"], radius=radius, wrap=wrap, fov=fov)
 
 
 def _layer(path: Path, number: int, entry: Any, view: _View) -> LayoutLayer | None:
@@ -242,6 +250,7 @@ def _camera(where: str, entry: dict[str, Any], view: _View) -> Transform:
         radius=view.radius,
         lens=(a, b, c),
         shift=(across, down),
+        fov=view.fov,
     )
 
 
@@ -274,10 +283,12 @@ def layout_text(folder: Path, layout: Layout) -> str:
     cameras = [layer.transform for layer in layout.layers if isinstance(layer.transform, CameraTransform)]
     if cameras or layout.wrap is not None:
         radius, projection = (cameras[0].radius, cameras[0].projection) if cameras else (1.0, "sphere")
-        wrap = [] if layout.wrap is None else [f"wrap = {layout.wrap}"]
-        entries.append(
-            "\n".join(["[view]", f"projection = {json.dumps(projection)}", f"radius = {radius!r}", *wrap])
-        )
+        lines = ["[view]", f"projection = {json.dumps(projection)}", f"radius = {radius!r}"]
+        if layout.wrap is not None:
+            lines.append(f"wrap = {layout.wrap}")
+        if cameras and cameras[0].fov is not None:
+            lines.append(f"fov = {cameras[0].fov!r}")
+        entries.append("\n".join(lines))
     for layer in layout.layers:
         file = os.path.relpath(real_path(layer.file), real_path(folder))
         if any("\udc80" <= character <= "\udcff" for character in file + layer.name):

@@ -17,6 +17,7 @@ from typing import Literal, Protocol, TypeAlias, get_args
 
 import numpy as np
 import numpy.typing as npt
+import scipy
 
 Floats: TypeAlias = npt.NDArray[np.float64]
 Projection: TypeAlias = Literal["flat", "cylinder", "sphere", "panini"]
@@ -99,6 +100,9 @@ class CameraTransform:
     #: a, b, c of the radial distortion, and how far the optical axis lies from the picture's centre, px.
     lens: tuple[float, float, float] = (0.0, 0.0, 0.0)
     shift: tuple[float, float] = (0.0, 0.0)
+    #: Degrees across that the canvas shows, half of them to either side of its middle; None for all. Points
+    #: beyond are mapped as all others.
+    fov: float | None = None
     _yaw: float = field(init=False, default=0.0)
 
     def __post_init__(self) -> None:
@@ -111,6 +115,16 @@ class CameraTransform:
         rays = np.concatenate([ideal, np.ones((*ideal.shape[:-1], 1))], axis=-1)
         rays = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
         return self._project(np.asarray(rays @ self.rotation.T))
+
+    @property
+    def edge(self) -> float:
+        """How far the canvas reaches to either side of its middle, px."""
+        half = math.inf if self.fov is None else math.radians(self.fov) / 2
+        if self.projection == "flat":
+            return self.radius * math.tan(half) if half < math.pi / 2 else math.inf
+        if self.projection == "panini":
+            return 2 * self.radius * math.tan(half / 2) if half < math.pi else math.inf
+        return self.radius * half
 
     def to_picture(self, points: Floats) -> Floats:
         """Map (..., 2) points of the canvas; `NOWHERE` where the picture does not show them."""
@@ -251,9 +265,18 @@ def similarity(at: tuple[float, float], turn: float = 0.0, scale: float = 1.0) -
 
 
 def reach(transform: Transform, size: tuple[int, int]) -> tuple[Floats, Floats] | None:
-    """Least and greatest x and y on the canvas of what is shown of a picture of that width and height."""
+    """Least and greatest x and y on the canvas of what is shown of a picture of that width and height; None
+    where nothing is.
+    """
     width, height = size
+    edge = transform.edge if isinstance(transform, CameraTransform) else math.inf
     x, y = np.linspace(0, width - 1, 65), np.linspace(0, height - 1, 65)
-    points = transform.to_canvas(np.stack(np.meshgrid(x, y), axis=-1)).reshape(-1, 2)
-    points = points[np.isfinite(points).all(axis=1)]
-    return (points.min(axis=0), points.max(axis=0)) if len(points) else None
+    points = transform.to_canvas(np.stack(np.meshgrid(x, y), axis=-1))
+    finite = np.isfinite(points).all(axis=-1)
+    within = finite & (np.abs(np.where(finite, points[..., 0], math.inf)) <= edge)
+    # One more point all round, as the edge of the canvas lies between two.
+    points = points[finite & scipy.ndimage.binary_dilation(within, np.ones((3, 3)))]
+    if not len(points):
+        return None
+    limit = np.array([edge, math.inf])
+    return np.maximum(points.min(axis=0), -limit), np.minimum(points.max(axis=0), limit)

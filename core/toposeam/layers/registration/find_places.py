@@ -15,8 +15,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -25,7 +25,14 @@ import numpy.typing as npt
 from toposeam.checks import check_choice, check_function, check_items, check_range, check_whole
 from toposeam.errors import OptionError, OverlapError
 from toposeam.layers.canvas.layer import Layer, as_layers
-from toposeam.layers.canvas.transforms import PROJECTIONS, PlaneTransform, Projection, Transform
+from toposeam.layers.canvas.transforms import (
+    PROJECTIONS,
+    CameraTransform,
+    PlaneTransform,
+    Projection,
+    Transform,
+    reach,
+)
 from toposeam.layers.canvas.warping import on_canvas
 from toposeam.layers.execution.tasks import Executor, check_executor
 from toposeam.layers.labelling.problem import Pair
@@ -74,6 +81,7 @@ def find_places(
     projection: Projection | str = "auto",
     level: bool = True,
     centre: int | None = None,
+    fov: float | None = None,
     points: Mapping[Pair, npt.ArrayLike] | None = None,
     least_correlation: float = LEAST_CORRELATION,
     progress: Callable[[float], None] | None = None,
@@ -92,8 +100,8 @@ def find_places(
         Refuse pictures that moves, turns and scales do not place exactly, and those that fit none of the
         others, which are left out otherwise.
     focal : float, optional
-        Focal length of the camera, px of the pictures; by default estimated. It, `lens` and `projection` make
-        the model "auto" a camera that rotates.
+        Focal length of the camera, px of the pictures; by default estimated. It, `lens`, `projection` and
+        `fov` make the model "auto" a camera that rotates.
     lens : float, optional
         Its radial distortion, b of Hugin (:mod:`toposeam.layers.canvas.transforms`); by default estimated
         from three pictures on.
@@ -103,6 +111,8 @@ def find_places(
         Whether the horizon is laid level; else the picture in the middle lies upright.
     centre : int, optional
         The picture that lies in the middle of the canvas, where a camera turned.
+    fov : float in (0, 360], optional
+        Degrees across that the canvas shows at most, of what a camera saw; pictures beyond are left out.
     points : mapping from (int, int) to (M, 4) array_like, optional
         Points that two pictures share, at least four, in place of the features found in them: x and y in the
         one, px from the middle of its upper left pixel, and in the other.
@@ -140,6 +150,7 @@ def find_places(
         projection=projection,
         level=level,
         centre=centre,
+        fov=fov,
         points={} if points is None else points,
         least_correlation=least_correlation,
     )
@@ -160,6 +171,7 @@ class PlaceOptions:
     projection: Projection | str = "auto"
     level: bool = True
     centre: int | None = None
+    fov: float | None = None
     points: Mapping[Pair, npt.ArrayLike] = field(default_factory=dict)
     least_correlation: float = LEAST_CORRELATION
 
@@ -169,7 +181,8 @@ class PlaceOptions:
         if self.model in ("plane", "rotation"):
             return ("plane",) if self.model == "plane" else ("rotation",)
         known = self.lens is not None or (self.focal is not None and not self.about)
-        return ("rotation",) if known or self.projection != "auto" else ("plane", "rotation")
+        known = known or self.projection != "auto" or self.fov is not None
+        return ("rotation",) if known else ("plane", "rotation")
 
     def check(self, count: int) -> None:
         """Refuse options that mean nothing for so many pictures."""
@@ -182,6 +195,8 @@ class PlaceOptions:
             check_range(0, math.inf, above=True, focal=self.focal)
         if self.lens is not None:
             check_range(-0.5, 0.5, lens=self.lens)
+        if self.fov is not None:
+            check_range(0, 360, above=True, fov=self.fov)
         if self.exact and self.model in ("plane", "rotation"):
             raise OptionError(
                 "exact is for moves, turns and scales, not for the model {model}; leave one of them out",
@@ -245,6 +260,8 @@ class _Found:
     wrap: int | None = None
     #: (N,) which group each of all pictures is in.
     groups: npt.NDArray[np.intp]
+    #: Pictures of which the canvas shows nothing.
+    beyond: tuple[int, ...] = ()
 
     @property
     def misfit(self) -> float:
@@ -298,11 +315,7 @@ def found_places(
         left_out=left_out,
         correlations={pair: match.correlation for pair, match in found.matches.items()},
         residuals={
-            pair: Residual.of(
-                found.off[pair],
-                transforms[pair[0]].to_canvas(match.first),
-                match.features or len(found.off[pair]),
-            )
+            pair: _residual(transforms[pair[0]], match, found.off[pair])
             for pair, match in found.matches.items()
         },
         misfit=found.misfit,
@@ -313,6 +326,16 @@ def found_places(
         wrap=found.wrap,
         other_groups=_other_groups(found),
     )
+
+
+def _residual(transform: Transform, match: Match, off: Floats) -> Residual:
+    """What is left of a pair where the canvas shows it."""
+    at = transform.to_canvas(match.first)
+    features = match.features or len(off)
+    if isinstance(transform, CameraTransform):
+        shown = np.abs(at[:, 0]) <= transform.edge
+        at, off = at[shown], off[shown]
+    return Residual.of(off, at, features)
 
 
 def _other_groups(found: _Found) -> tuple[tuple[int, ...], ...]:
@@ -459,10 +482,10 @@ def _by_perspective(given: _Set) -> _Found:
     else:
         asked = None if options.projection == "auto" else options.projection
         centre = group.numbers.index(options.centre) if options.centre in group.numbers else None
-        view = View(projection=asked, level=options.level, centre=centre)  # type: ignore[arg-type]
+        view = View(projection=asked, level=options.level, centre=centre, fov=options.fov)  # type: ignore[arg-type]
         cameras, width = camera_transforms(bundle, view)
         transforms, projection = cameras, cameras[0].projection
-    return _Found(
+    found = _Found(
         model=bundle.family,
         numbers=group.numbers,
         transforms=transforms,
@@ -475,11 +498,44 @@ def _by_perspective(given: _Set) -> _Found:
         wrap=width,
         groups=group.groups,
     )
+    return found if options.fov is None else _in_view(given, found, options.fov)
+
+
+def _in_view(given: _Set, found: _Found, fov: float) -> _Found:
+    """Those of the pictures that a canvas of so many degrees across shows."""
+    sizes = [(int(width), int(height)) for height, width in given.sizes[list(found.numbers)]]
+    shown = [k for k, size in enumerate(sizes) if reach(found.transforms[k], size) is not None]
+    if len(shown) == len(sizes):
+        return found
+    if len(shown) < 2:
+        raise OverlapError(
+            "{fov:g} degrees across show {count} of {total} pictures; choose a larger field of view",
+            kind="view",
+            fov=fov,
+            count=len(shown),
+            total=len(sizes),
+        )
+    order = {k: index for index, k in enumerate(shown)}
+
+    def kept(pairs: Iterable[Pair]) -> list[Pair]:
+        return [(i, j) for i, j in pairs if i in order and j in order]
+
+    return replace(
+        found,
+        numbers=[found.numbers[k] for k in shown],
+        transforms=[found.transforms[k] for k in shown],
+        matches={(order[i], order[j]): found.matches[i, j] for i, j in kept(found.matches)},
+        off={(order[i], order[j]): found.off[i, j] for i, j in kept(found.off)},
+        outvoted=tuple((order[i], order[j]) for i, j in kept(found.outvoted)),
+        beyond=tuple(number for k, number in enumerate(found.numbers) if k not in order),
+    )
 
 
 def _reason(given: _Set, found: _Found, number: int) -> str:
     """Why a picture belongs to none of those that were placed."""
     name = given.names[number]
+    if number in found.beyond:
+        return f"{name} lies beyond the field of view"
     others = [other for other in np.flatnonzero(found.groups == found.groups[number]) if other != number]
     if others:
         return f"{name} shows something else, together with {_named(given.pictures, np.array(others))}"

@@ -38,6 +38,8 @@ class View:
     level: bool = True
     #: The picture that lies in the middle; by default the middle of all.
     centre: int | None = None
+    #: Degrees across that it shows at most; None for all.
+    fov: float | None = None
 
 
 def plane_transforms(
@@ -118,13 +120,13 @@ def camera_transforms(bundle: Bundle, view: View) -> tuple[tuple[CameraTransform
         forward = turns[bundle.middle if view.centre is None else view.centre][:, 2]
         middle = math.atan2(forward[0], forward[2])
     turns = _turn_down(middle) @ turns
-    across = math.degrees(yaws[1] - yaws[0])
+    across = min(math.degrees(yaws[1] - yaws[0]), 360.0 if view.fov is None else view.fov)
     pitches = np.concatenate([np.arcsin(np.clip(ray[:, 1], -1, 1)) for ray in rays])
     low, high = float(pitches.min()), float(pitches.max())
     projection = view.projection or _suitable(across, math.degrees(high - low), math.degrees(max(-low, high)))
     if projection == "flat":
         turns = _pitched((low + high) / 2 if view.centre is None else _pitch(turns[view.centre])) @ turns
-    round_way = whole and projection in ("cylinder", "sphere")
+    round_way = whole and projection in ("cylinder", "sphere") and across >= 360
     width = round(2 * math.pi * bundle.focal) if round_way else None
     radius = bundle.focal if width is None else width / (2 * math.pi)
     return (
@@ -136,6 +138,7 @@ def camera_transforms(bundle: Bundle, view: View) -> tuple[tuple[CameraTransform
                 projection=projection,
                 radius=radius,
                 lens=bundle.lens,
+                fov=None if view.fov is None or view.fov >= 360 else view.fov,
             )
             for index, turn in enumerate(turns)
         ),

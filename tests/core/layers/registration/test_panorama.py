@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from rendered import before_a_wall, grid, turn
 
-from toposeam.layers.canvas.transforms import NOWHERE, PlaneTransform
+from toposeam.layers.canvas.transforms import NOWHERE, PlaneTransform, reach
 from toposeam.layers.registration.bundle_adjustment import Bundle
 from toposeam.layers.registration.panorama import View, camera_transforms, plane_transforms
 
@@ -72,6 +72,42 @@ def test_rows_come_to_lie_level(frame):
     assert middles(transforms)[:, 1] == pytest.approx(np.zeros(7), abs=1e-6)
     assert middles(transforms)[:, 0] == pytest.approx(FOCAL * np.radians(range(-60, 61, 20)), abs=3)
     assert rolls(transforms) == pytest.approx(np.zeros(7), abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("projection", "edge"),
+    [
+        ("flat", FOCAL * math.tan(math.radians(30))),
+        ("cylinder", FOCAL * math.radians(30)),
+        ("sphere", FOCAL * math.radians(30)),
+        ("panini", 2 * FOCAL * math.tan(math.radians(15))),
+    ],
+)
+def test_pictures_reach_as_far_as_the_field_of_view(projection, edge):
+    turns = [(yaw, 0, 0) for yaw in range(-60, 61, 20)]
+    transforms, _ = camera_transforms(cameras(turns), View(projection=projection, fov=60))
+    shown = [reach(transform, SIZE) for transform in transforms]
+    assert [one is None for one in shown] == [True, False, False, False, False, False, True]
+    assert min(low[0] for low, _ in shown[1:-1]) == pytest.approx(-edge)
+    assert max(high[0] for _, high in shown[1:-1]) == pytest.approx(edge)
+    for transform, (low, high) in zip(transforms[1:-1], shown[1:-1], strict=True):
+        points = transform.to_canvas(grid(SIZE, 200)).reshape(-1, 2)
+        points = points[np.abs(points[:, 0]) <= edge]
+        assert (points.min(axis=0) >= low - 1e-6).all()
+        assert (points.max(axis=0) <= high + 1e-6).all()
+        # It may be a little larger: some 1/64 of the picture.
+        assert (np.abs([points.min(axis=0) - low, points.max(axis=0) - high]) < 12).all()
+
+
+def test_the_field_of_view_decides_on_projection_and_whole_turn():
+    turns = [(yaw, 0, 0) for yaw in range(0, 360, 30)]
+    narrow, wrap = camera_transforms(cameras(turns), View(fov=90))
+    assert (narrow[0].projection, wrap) == ("flat", None)
+    wide, wrap = camera_transforms(cameras(turns), View(fov=200))
+    assert (wide[0].projection, wrap) == ("cylinder", None)
+    whole, wrap = camera_transforms(cameras(turns), View(fov=360))
+    assert wrap == pytest.approx(2 * math.pi * FOCAL, abs=1)
+    assert whole[0].fov is None
 
 
 def test_rows_that_look_up_are_level_too():

@@ -23,7 +23,7 @@ from toposeam_cli.files.scratch import Scratch
 from toposeam_cli.media.layouts.hugin_project import ProjectPicture, project_text, read_project
 from toposeam_cli.media.layouts.layout import Layout, LayoutLayer, layout_text, read_layout
 from toposeam_cli.media.pictures.decode import size_of
-from toposeam_cli.media.pictures.lens import focal_length, in_pixels, is_fisheye
+from toposeam_cli.media.pictures.lens import exposure, focal_length, in_pixels, is_fisheye
 from toposeam_cli.media.pictures.limits import check_together
 from toposeam_cli.media.pictures.masks import read_white
 from toposeam_cli.media.pictures.openraster import read_ora
@@ -255,6 +255,10 @@ def arrange(
     if not transforms:
         place = partial(placed_layers, scratch=kept, executor=executor, max_megapixels=most)
         found = None if kept is None else executor
+        layers = [
+            replace(layer, exposure=None if source.file is None else exposure(source.file))
+            for layer, source in zip(layers, sources, strict=True)
+        ]
         options = _of_sources(finding or PlaceFinding(), sources, reading.numbers)
         try:
             placement = found_places(layers, options, progress, found, place)

@@ -1,4 +1,4 @@
-"""Focal lengths that cameras note in their files."""
+"""Focal lengths and exposures that cameras note in their files."""
 
 import math
 
@@ -6,7 +6,7 @@ import pytest
 from PIL import Image
 from PIL.TiffImagePlugin import IFDRational
 
-from toposeam_cli.media.pictures.lens import equivalent_mm, focal_length, in_pixels
+from toposeam_cli.media.pictures.lens import equivalent_mm, exposure, focal_length, in_pixels
 
 SIZE = 60, 40
 #: Tags of EXIF.
@@ -87,6 +87,29 @@ def test_files_without_readable_notes_have_none(photograph, tmp_path):
     assert focal_length(tmp_path / "no such file.jpg", SIZE) is None
     Image.new("RGB", SIZE).save(tmp_path / "plain.png")
     assert focal_length(tmp_path / "plain.png", SIZE) is None
+
+
+SECONDS, F_NUMBER, ISO = 0x829A, 0x829D, 0x8827
+TAKEN = {SECONDS: IFDRational(1, 125), F_NUMBER: IFDRational(56, 10), ISO: 400}
+
+
+@pytest.mark.parametrize("suffix", [".jpg", ".png", ".webp"])
+def test_an_exposure_is_time_and_iso_by_the_square_of_the_stop(photograph, suffix):
+    assert exposure(photograph(TAKEN, suffix)) == pytest.approx(400 / 125 / 5.6**2)
+
+
+@pytest.mark.parametrize(
+    "notes",
+    [
+        {},
+        {ISO: 400},
+        TAKEN | {F_NUMBER: IFDRational(0)},
+        TAKEN | {SECONDS: IFDRational(0)},
+        TAKEN | {SECONDS: IFDRational(1, 0)},
+    ],
+)
+def test_an_exposure_that_is_not_stated_whole_is_none(photograph, notes):
+    assert exposure(photograph(notes)) is None
 
 
 @pytest.mark.parametrize("size", [(60, 40), (40, 60), (50, 50)])

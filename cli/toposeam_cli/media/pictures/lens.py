@@ -1,4 +1,4 @@
-"""What pictures say about the lens: its focal length, and whether it is a fisheye."""
+"""What pictures say about the camera: its focal length and exposure, and whether the lens is a fisheye."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from toposeam.images import full_scale
 #: Tags of EXIF.
 _SUB_IFD, _FOCAL_MM, _FOCAL_35, _LENS = 0x8769, 0x920A, 0xA405, 0xA434
 _PLANE_RESOLUTION, _PLANE_UNIT, _PLANE_WIDTH = 0xA20E, 0xA210, 0xA002
+_SECONDS, _F_NUMBER, _ISO = 0x829A, 0x829D, 0x8827
 _UNIT_MM = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
 #: Diagonal of film of 24 × 36 mm.
 DIAGONAL_MM = math.hypot(24, 36)
@@ -37,6 +38,18 @@ def focal_length(path: Path, size: tuple[int, int]) -> float | None:
     except Exception:
         return None
     return found if 0.2 * max(size) < found < 50 * max(size) else None
+
+
+def exposure(path: Path) -> float | None:
+    """Return the light that a picture was taken with, s × ISO ÷ f-number²; None where the file does not say
+    it.
+    """
+    noted = _noted(path)
+    try:
+        found = float(noted[_SECONDS]) * float(noted[_ISO]) / float(noted[_F_NUMBER]) ** 2
+    except Exception:
+        return None
+    return found if 0 < found < math.inf else None
 
 
 def in_pixels(equivalent: float, size: tuple[int, int]) -> float:

@@ -48,11 +48,16 @@ class Layer:
     #: The value that counts as white, where the dtype does not say it: for other integers than uint8 and
     #: uint16, and for floats beyond [0, 1] (:func:`toposeam.images.as_float`).
     data_range: float | None = None
+    #: How much light the camera let in, in any unit, as seconds × ISO ÷ f-number²: by this tones are matched
+    #: where overlaps do not show it.
+    exposure: float | None = None
 
     def __post_init__(self) -> None:
         check_kind("name", self.name, str, "a text")
         if self.data_range is not None:
             check_number("data_range", self.data_range, 0, above=True)
+        if self.exposure is not None:
+            check_number("exposure", self.exposure, 0, above=True)
         image = (
             self.image if isinstance(self.image, Windows) else as_array(self.image, self.title, endless=True)
         )

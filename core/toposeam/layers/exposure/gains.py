@@ -9,7 +9,8 @@ For each pair of overlapping layers and each channel the median of log a - log b
 have, neither in the dark nor burnt out, is one equation log g_b - log g_a = median; the gains g solve all of
 them in the least-squares sense, weighted by pixels. The medians do not see what differs between the pictures
 themselves, as long as that is less than half of the overlap. Weighted by the layers' pixels the gains'
-geometric mean is 1, so that the whole keeps its brightness. What would go beyond white rolls off, in all
+geometric mean is 1, so that the whole keeps its brightness. Where an overlap is all dark or burnt out, the
+exposures that the layers state are compared instead. What would go beyond white rolls off, in all
 layers alike, so that they still agree; what is burnt out stays white: scaled down, it would turn gray.
 """
 
@@ -84,7 +85,7 @@ def tone_gains(
     for channel in range(channels):
         rows, values = [], []
         for (i, j), ratios in known.items():
-            if (found := ratios[channel]) is not None:
+            if (found := ratios[channel] or _stated(layers[i], layers[j])) is not None:
                 ratio, pixels = found
                 row = np.zeros(count)
                 row[i], row[j] = -1.0, 1.0
@@ -177,6 +178,13 @@ def _fields(
         Field(coefficients, box.moved(-place.top, -place.left))
         for coefficients, box, place in zip(field_coefficients(filled, ratios), filled, places, strict=True)
     ]
+
+
+def _stated(a: Layer, b: Layer) -> tuple[float, int] | None:
+    """What the exposures of two layers say in place of :func:`_log_ratios`, with little weight."""
+    if a.exposure is None or b.exposure is None:
+        return None
+    return float(np.log(a.exposure) - np.log(b.exposure)), _ENOUGH
 
 
 def _compared(

@@ -189,6 +189,35 @@ def test_a_gain_is_never_larger_than_the_limit():
     assert found.max() / found.min() > 200
 
 
+def stated(value, x, exposure, burnt):
+    image = np.full((20, 30), value, np.uint8)
+    image[:, burnt] = 255
+    return ts.Layer(image, at=(x, 0), exposure=exposure)
+
+
+def test_exposures_count_where_an_overlap_is_burnt_out():
+    """Its 10 columns are white in both."""
+    ends = slice(20, None), slice(0, 10)
+    layers = [stated(120, 0, 2.0, ends[0]), stated(120, 20, 1.0, ends[1])]
+    dark, light = gains(layers)[:, 0]
+    assert light / dark == pytest.approx(2)
+    assert dark * light == pytest.approx(1)
+    for exposure in (None, 2.0):
+        unknown = [stated(120, 0, exposure, ends[0]), stated(120, 20, None, ends[1])]
+        assert gains(unknown) == pytest.approx(np.ones((2, 1)))
+
+
+def test_what_overlaps_show_counts_before_exposures():
+    layers = [stated(120, 0, 8.0, slice(0, 0)), stated(120, 20, 1.0, slice(0, 0))]
+    assert gains(layers) == pytest.approx(np.ones((2, 1)))
+
+
+@pytest.mark.parametrize("exposure", [0, -1, np.nan, np.inf, "1/125"])
+def test_an_exposure_that_is_none_is_refused(exposure):
+    with pytest.raises(ts.OptionError, match="exposure"):
+        stated(120, 0, exposure, slice(0, 0))
+
+
 @pytest.mark.parametrize(("dtype", "white"), [(np.uint8, None), (np.uint16, None), (np.uint16, 4095)])
 def test_gains_are_the_same_in_every_depth(dtype, white):
     full = white or np.iinfo(dtype).max

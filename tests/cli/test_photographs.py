@@ -904,7 +904,6 @@ def test_pictures_give_way_by_a_few_px(views, toposeam, sole):
     ran = joined(toposeam, *words, "-o", "bent.png", "--give", "4", "--force")
     assert re.search(r", bent by up to \d\.\d px\n$", ran.out)
     sole("--give bends pictures, and an .ora file keeps them", *words, "--give", "4", "-o", "out.ora")
-    sole("leave one of them out", *TWO, "--give", "4", "--wrap", "400")
 
 
 @pytest.mark.medium

@@ -195,7 +195,7 @@ def composed_as(
     if find.plain:
         options = {"options": ts.seam.ThesisOptions.plain(**options)}
     paths = given_seams(find.use_seam, job)
-    check_give(find.give or 0, paths, find.wrap)
+    check_give(find.give or 0, paths)
 
     def composed(layers: Sequence[ts.Layer], tones: bool) -> ts.layers.Composition:
         with share_bar(f"joining {_names(job.layers)}", out.quiet) as progress:

@@ -135,6 +135,11 @@ class Composition:
         return self.canvas.shape
 
     @property
+    def period(self) -> int | None:
+        """The canvas's width, px, if it goes all the way round."""
+        return self.shape[1] if self._goes_round else None
+
+    @property
     def names(self) -> tuple[str, ...]:
         """The layers' names."""
         return tuple(layer.name for layer in self.layers)

@@ -100,6 +100,17 @@ def turned(layer: Layer, period: int, start: int) -> Layer:
     return dataclasses.replace(layer, image=image, alpha=alpha, mask=mask, keep=keep, at=(first, y))
 
 
+def narrowed(layer: Layer, period: int) -> Layer:
+    """A layer on a round canvas in one piece, if that was cut inside of it: it then reaches over the end."""
+    gaps = np.flatnonzero(~_columns(layer, period))
+    if layer.image.shape[1] < period or not len(gaps):
+        return layer
+    runs = np.split(gaps, np.flatnonzero(np.diff(gaps) > 1) + 1)
+    start = int(max(runs, key=len)[0])
+    part = turned(layer, period, start)
+    return dataclasses.replace(part, at=(part.at[0] + start, part.at[1]))
+
+
 def _columns(layer: Layer, period: int) -> npt.NDArray[np.bool_]:
     """(period,) bool: columns of the round canvas in which a layer has pixels."""
     width = layer.image.shape[1]

@@ -23,6 +23,7 @@ from toposeam.images import as_float, full_scale, in_dtype
 from toposeam.layers.canvas.layer import Layer
 from toposeam.layers.canvas.warping import inside, interpolated, resampled
 from toposeam.layers.composite.composition import Composition
+from toposeam.layers.composite.cylindrical import narrowed
 from toposeam.layers.labelling.problem import Pair
 
 Floats = npt.NDArray[np.float64]
@@ -43,19 +44,17 @@ _GAIN, _WORTH = 0.1, 0.03
 _GRID, _NODES, _LEAST = 4, 100_000, 0.05
 
 
-def check_give(give: int, use_path: object, wrap: int | None) -> None:
-    """Refuse a largest displacement that is none, and what seams that are searched again exclude."""
+def check_give(give: int, use_path: object) -> None:
+    """Refuse a largest displacement that is none, and seams that are given, as they are searched again."""
     if not check_whole("give", give, 0, MOST):
         return
-    paths = bool(use_path) if isinstance(use_path, Mapping) else use_path is not None
-    for name, given in (("use_path", paths), ("wrap", wrap is not None)):
-        if given:
-            raise OptionError(
-                "{give} bends layers and searches their seams again, and {other} says where they are or go "
-                "round; leave one of them out",
-                kind="conflict",
-                other=Term(name),
-            )
+    if bool(use_path) if isinstance(use_path, Mapping) else use_path is not None:
+        raise OptionError(
+            "{give} bends layers and searches their seams again, and {other} says where they are; leave one "
+            "of them out",
+            kind="conflict",
+            other=Term("use_path"),
+        )
 
 
 def give_way(
@@ -76,12 +75,13 @@ def give_way(
     Composition
         The given one where bending lowers the cost of all seams together by less than 3 %.
     """
-    layers = [_dense(layer) for layer in composed.layers]
+    period = composed.period
+    layers = [_dense(layer if period is None else narrowed(layer, period)) for layer in composed.layers]
     corner = np.array(composed.origin, float)
     seams = [
         (pair, [np.asarray(line.points) + corner for line in seam.paths]) for pair, seam in composed.seams()
     ]
-    bent, farthest = bend(layers, seams, most)
+    bent, farthest = bend(layers, seams, most, period)
     if not farthest:
         return composed
     again = compose(bent)
@@ -97,7 +97,10 @@ def _dense(layer: Layer) -> Layer:
 
 
 def bend(
-    layers: Sequence[Layer], seams: Iterable[tuple[Pair, Sequence[Floats]]], most: int
+    layers: Sequence[Layer],
+    seams: Iterable[tuple[Pair, Sequence[Floats]]],
+    most: int,
+    period: int | None = None,
 ) -> tuple[list[Layer], float]:
     """Bend the upper layer of each seam until the lower one's contents go on in it.
 
@@ -108,6 +111,8 @@ def bend(
         Each line is an (N, 2) array of x and y in the coordinates of the layers.
     most : int
         px.
+    period : int, optional
+        Width of a canvas that goes all the way round, px.
 
     Returns
     -------
@@ -122,12 +127,22 @@ def bend(
             points = _along(line)
             if len(points) < 2:
                 continue
-            moves = _displacements(layers[i], layers[j], points, most)
-            pinned[i].append((points, np.zeros_like(moves)))
-            pinned[j].append((points, moves))
+            a, b = (_turned_to(layers[k], points, period) for k in (i, j))
+            moves = _displacements(a, b, points, most)
+            for k, beside, held in ((i, a, np.zeros_like(moves)), (j, b, moves)):
+                pinned[k].append((points - np.array(beside.at) + np.array(layers[k].at), held))
             farthest = max(farthest, float(np.hypot(*moves.T).max()))
     reach = max(_REACH, _REACH_PER_PX * most)
     return [_bent(layer, found, reach) for layer, found in zip(layers, pinned, strict=True)], farthest
+
+
+def _turned_to(layer: Layer, points: Floats, period: int | None) -> Layer:
+    """A layer, on a round canvas moved by whole turns to where points lie."""
+    if period is None:
+        return layer
+    x, y = layer.at
+    turns = round((float(points[:, 0].mean()) - x - layer.image.shape[1] / 2) / period)
+    return dataclasses.replace(layer, at=(x + turns * period, y)) if turns else layer
 
 
 def _along(points: Floats) -> Floats:

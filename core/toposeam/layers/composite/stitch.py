@@ -224,8 +224,8 @@ def stitch(
         (:mod:`toposeam.layers.exposure.shading`).
     give : int
         Bend the layers by up to so many px until what crosses a seam goes on behind it, and search the seams
-        again (:mod:`toposeam.layers.composite.local_warp`), where that makes them clearly cheaper. Each layer
-        has to fit into memory.
+        again (:mod:`toposeam.layers.composite.local_warp`), where that makes them clearly cheaper. All layers
+        have to fit into memory.
     use_path : SvgSeam, or mapping of (int, int) to SvgSeam, optional
         Seams that were read from files, on the canvas: of the only two layers, or of pairs of layers by
         number.
@@ -294,7 +294,7 @@ def stitch(
             **keywords,
         )
 
-    check_give(give, use_path, wrap)
+    check_give(give, use_path)
     composed = composed_of(layers, True)
     if give:
         composed = give_way(composed, give, lambda bent: composed_of(bent, False))

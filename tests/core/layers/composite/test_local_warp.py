@@ -103,7 +103,41 @@ def test_displacements_are_checked(give):
 
 def test_given_seams_exclude_it():
     with pytest.raises(ts.OptionError, match="leave one of them out"):
-        check_give(3, None, 400)
+        check_give(3, {(0, 1): "path"})
     with pytest.raises(ts.OptionError, match="use_path"):
-        check_give(3, {(0, 1): "path"}, None)
-    check_give(0, {(0, 1): "path"}, 400)
+        check_give(3, np.ones((8, 8)))
+    check_give(0, {(0, 1): "path"})
+    check_give(3, {})
+
+
+PERIOD = 480
+
+
+def ring(start, dtype=np.uint8):
+    """Four layers of a picture that goes round, cut at a column; every other one is displaced."""
+    whole = np.concatenate([WHOLE[:200, :240], WHOLE[:200, 239::-1]], axis=1)
+    bent = np.stack([np.roll(row, -round(wave(0, y)), axis=0) for y, row in enumerate(whole)])
+    layers = []
+    for index in range(4):
+        x = index * 120
+        view = np.roll((whole, bent)[index % 2], -x, axis=1)[:, :190]
+        columns = np.arange(x, x + 190) - start
+        if columns[0] // PERIOD == columns[-1] // PERIOD:
+            layers.append(ts.Layer(view.copy(), at=(int(columns[0]) % PERIOD, 0), name=str(index)))
+            continue
+        image, alpha = np.zeros_like(whole), np.zeros(whole.shape[:2], np.uint8)
+        image[:, columns % PERIOD], alpha[:, columns % PERIOD] = view, 255
+        layers.append(ts.Layer(image, alpha=alpha, name=str(index)))
+    return layers
+
+
+@pytest.mark.parametrize("start", [60, 150, 260])
+def test_what_crosses_a_seam_goes_on_all_the_way_round(start):
+    """Wherever the canvas is cut: through an overlap, a layer, or where a seam runs."""
+    plain, given = (ts.stitch(ring(start), wrap=PERIOD, give=give) for give in (0, 6))
+    assert 2.5 < given.bent < 6.5
+    assert given.cost < 0.6 * plain.cost
+    # Where it was cut, no step shows.
+    steps = np.abs(np.roll(given.image.astype(int), 4, axis=1) - np.roll(given.image.astype(int), 3, axis=1))
+    rows = slice(10, -10)
+    assert steps[rows, 4].mean() < 2 * np.median(steps[rows].mean(axis=(0, 2)))

@@ -39,8 +39,8 @@ def terminations_raised() -> Iterator[None]:
     clean-up, others are ignored for some seconds.
 
     Where Python swallows exceptions (in callbacks of weak references, which importing has, and in
-    finalizers) they are raised again a moment later; where it wraps them in an error of its own, they leave
-    the block themselves.
+    finalizers) they are raised again a moment later; where it wraps them in an error of its own, or a foreign
+    module puts one in their place, they leave the block themselves.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -52,7 +52,10 @@ def terminations_raised() -> Iterator[None]:
         if time.monotonic() - last < _DEAF_S:
             return
         last, latest = time.monotonic(), number
-        raise KeyboardInterrupt if number == signal.SIGINT else Terminated(128 + number)
+        raise interruption(number)
+
+    def interruption(number: int) -> BaseException:
+        return KeyboardInterrupt() if number == signal.SIGINT else Terminated(128 + number)
 
     def swallowed(unraisable: Any) -> None:
         nonlocal last
@@ -78,8 +81,10 @@ def terminations_raised() -> Iterator[None]:
     before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
     try:
         yield
-    except (RuntimeError, ImportError) as error:
+    except Exception as error:
         hidden = _interruption_behind(error)
+        if hidden is None and latest and time.monotonic() - last < _DEAF_S:
+            hidden = interruption(latest)  # modules made with pybind11 put a TypeError in its place
         if hidden is None:
             raise
         raise hidden from None

@@ -102,6 +102,27 @@ def test_an_interruption_that_python_wraps_is_found_behind_it():
             raise own
 
 
+@pytest.mark.parametrize(("number", "error"), SIGNALS)
+def test_an_interruption_in_whose_place_a_module_puts_an_error(number, error):
+    """As pybind11 does where a signal comes while it looks at arguments."""
+
+    def call():
+        try:
+            signal.raise_signal(number)
+        except BaseException:
+            pass
+        else:
+            raise AssertionError
+        failed = TypeError("incompatible function arguments")
+        failed.__context__ = None
+        raise failed
+
+    with pytest.raises(error), terminations_raised():
+        call()
+    with pytest.raises(TypeError), terminations_raised():
+        raise TypeError
+
+
 def test_other_exceptions_that_python_swallows_are_told_as_ever(monkeypatch):
     class Finalized:
         def __del__(self):

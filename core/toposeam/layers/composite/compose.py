@@ -275,15 +275,17 @@ def _round(
         )
         return labelling, parts, covered
 
-    cut_at = best_cut(moved, period)
+    cut_at, beside = best_cut(moved, period)
     labelling, parts, covered = posed(cut_at)
     order = order_of(parts, labelling.places, covered)
     soft = blend == "soft"
     labels, report = minimise(search.problem(labelling), order, search.rounds, soft)
     start = cut_at - period // 2
     labels = turned_map(labels, period, start - cut_at, period)
-    problem, state = search.problem(posed(start)[0]), State(labels, band(frame.shape))
-    refine(problem, state, search.rounds)
+    if soft or beside > 1:
+        problem, state = search.problem(posed(start)[0]), State(labels, band(frame.shape))
+    if beside > 1:
+        refine(problem, state, search.rounds)
     if soft:
         joint = find_potentials(problem, state)
         gathered = turned_gathered([(report.gathered, cut_at), (joint, start)], period)

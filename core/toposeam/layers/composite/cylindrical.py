@@ -1,9 +1,9 @@
 """Panoramas that go all the way round: the right edge of the canvas goes on at the left one.
 
 Such a canvas is a band without ends. It is cut where fewest layers lie beside each other and composed as
-usual; then it is turned by half, so that the cut lies in the middle, and what adjoins there is divided anew
-in a band round the cut while everything else stays. Blending sees the canvas with some of its other end on
-both sides.
+usual. Where one does, no seam runs there. Where several do, the canvas is then turned by half, so that the
+cut lies in the middle, and what adjoins there is divided anew in a band round the cut while everything else
+stays. Blending sees the canvas with some of its other end on both sides.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from toposeam.layers.labelling.problem import Pair
 from toposeam.layers.search.two_label_band import SeamHeat
 
 #: What adjoins at the cut is opened so far on either side, a share of the width, but no more than this many
-#: pixels of the canvas.
-_BAND, _BAND_PIXELS = 16, 2_000_000
+#: pixels of the canvas, or this many px.
+_BAND, _BAND_PIXELS, _LEAST_BAND = 16, 150_000, 32
 
 
 class Turned(Windows):
@@ -120,17 +120,17 @@ def _columns(layer: Layer, period: int) -> npt.NDArray[np.bool_]:
     return result
 
 
-def best_cut(layers: Sequence[Layer], period: int) -> int:
-    """The column at which fewest layers lie; of several the middle of the widest run."""
+def best_cut(layers: Sequence[Layer], period: int) -> tuple[int, int]:
+    """The column at which fewest layers lie, of several the middle of the widest run; and how many do."""
     count = np.sum([_columns(layer, period) for layer in layers], axis=0)
     fewest = count == count.min()
     if fewest.all():
-        return 0
+        return 0, int(count[0])
     start = int(np.flatnonzero(~fewest)[0])
     edges = np.flatnonzero(np.diff(np.append(np.roll(fewest, -start), False).astype(np.int8)))
     first, last = edges[::2] + 1, edges[1::2] + 1
     longest = int(np.argmax(last - first))
-    return (start + (int(first[longest]) + int(last[longest])) // 2) % period
+    return (start + (int(first[longest]) + int(last[longest])) // 2) % period, int(count.min())
 
 
 def turned_map(label_map: Any, period: int, start: int, width: int) -> LabelMap:
@@ -180,7 +180,7 @@ class _Plus(Windows):
 
 def band(shape: tuple[int, int]) -> Mask:
     """(H, W) bool: the middle columns of a canvas."""
-    half = max(8, min(shape[1] // _BAND, _BAND_PIXELS // (2 * shape[0])))
+    half = max(8, min(shape[1] // _BAND, max(_LEAST_BAND, _BAND_PIXELS // (2 * shape[0]))))
     middle = shape[1] // 2
 
     def values(box: Box) -> Mask:

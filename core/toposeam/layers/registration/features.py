@@ -100,16 +100,19 @@ def shared_features(a: Look, b: Look) -> npt.NDArray[np.intp]:
     # Whole numbers up to 128 · 255² are exact in float32, so this is what skimage.feature.match_descriptors
     # gives, in a tenth of its time.
     first, second = (look.descriptors.astype(np.float32) for look in (a, b))  # type: ignore[union-attr]
-    lengths = np.square(first).sum(axis=1)[:, np.newaxis] + np.square(second).sum(axis=1)
-    distance = lengths - 2 * (first @ second.T)
+    distance = (-2 * first) @ second.T
+    distance += np.square(first).sum(axis=1)[:, np.newaxis]
+    distance += np.square(second).sum(axis=1)
     near = distance.argmin(axis=1)
     mine = np.arange(len(first))
-    mutual = mine == distance.argmin(axis=0)[near]
     least = distance[mine, near]
+    # Down the columns numpy finds the least in a tenth of the time that it takes to say where it is.
+    mutual = least == distance.min(axis=0)[near]
     distance[mine, near] = np.inf
     next_one = np.maximum(distance.min(axis=1), np.finfo(float).eps ** 2) if len(second) > 1 else np.inf
     clear = np.sqrt(least.astype(float)) / np.sqrt(next_one) < _CLEARLY
-    chosen = mutual & clear
+    chosen = np.flatnonzero(mutual & clear)
+    chosen = chosen[np.sort(np.unique(near[chosen], return_index=True)[1])]  # of those that are alike one
     return np.stack([mine[chosen], near[chosen]], axis=1)
 
 

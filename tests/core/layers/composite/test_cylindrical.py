@@ -53,7 +53,8 @@ def test_columns_of_what_goes_round(start):
 def test_layers_across_the_edge_are_narrow_after_another_cut():
     layers = views(panorama(np.random.default_rng(0)))
     assert [layer.image.shape[1] for layer in layers] == [130, 130, 130, 360]
-    cut = best_cut(layers, PERIOD)
+    cut, beside = best_cut(layers, PERIOD)
+    assert beside == 1
     columns = [(np.arange(x, x + 130) % PERIOD).tolist() for x in (20, 110, 200, 290)]
     assert sum(cut in one for one in columns) == 1
     moved = [turned(layer, PERIOD, 250) for layer in layers]

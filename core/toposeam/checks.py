@@ -329,14 +329,33 @@ def options_from(
     """
     if options is not None:
         if not isinstance(options, kind):
-            raise OptionError(f"options is of class {type(options).__name__}; {taker} takes {kind.__name__}")
+            raise OptionError(
+                "{parameter} is of class {type}; {taker} takes {allowed}",
+                kind="type",
+                parameter=Term("options"),
+                value=options,
+                type=type(options).__name__,
+                taker=taker,
+                allowed=kind.__name__,
+            )
         if given:
             raise OptionError(
-                f"{', '.join(sorted(given))} was given beside options; write it into {kind.__name__}"
+                "{names} was given beside {parameter}; write it into {type}",
+                kind="conflict",
+                parameter=Term("options"),
+                names=tuple(map(Term, sorted(given))),
+                type=kind.__name__,
             )
         return options
     known = [option.name for option in dataclasses.fields(kind)]  # type: ignore[arg-type]
     unknown = sorted(set(given) - set(known))
     if unknown:
-        raise OptionError(f"{taker} does not know {', '.join(unknown)}; its options are {', '.join(known)}")
+        raise OptionError(
+            "{taker} does not know {names}; its options are {allowed}",
+            kind="unknown",
+            parameter=Term(unknown[0]),
+            names=tuple(map(Term, unknown)),
+            taker=taker,
+            allowed=tuple(known),
+        )
     return kind(**given)

@@ -34,7 +34,13 @@ def parse_colour(text: str) -> tuple[float, float, float]:
             raise ValueError
         return int(digits[:2], 16) / 255, int(digits[2:4], 16) / 255, int(digits[4:], 16) / 255
     except ValueError:
-        raise OptionError(f"colour {text!r} cannot be read; write it as #rrggbb") from None
+        raise OptionError(
+            "colour {colour} cannot be read; write it as {allowed}",
+            kind="colour",
+            value=text,
+            colour=repr(text),
+            allowed="#rrggbb",
+        ) from None
 
 
 def to_hex(colour: Iterable[float]) -> str:

@@ -101,5 +101,9 @@ def _pixels(result: Any) -> Image:
     if labels is not None and np.ndim(labels) == 2:
         return to_rgba8(labels)
     raise OptionError(
-        f"a {type(result).__name__} is no picture; pass an array, or a result that has an image"
+        "a {type} is no picture; pass {allowed}",
+        kind="type",
+        value=result,
+        type=type(result).__name__,
+        allowed="an array, or a result that has an image",
     )

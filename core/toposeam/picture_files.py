@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from toposeam.display import to_pil, to_rgba8
-from toposeam.errors import OptionError
+from toposeam.errors import OptionError, Term
 from toposeam.saving import path_of, save
 
 #: Suffixes of files, and Pillow's name of the format.
@@ -52,7 +52,13 @@ class PictureResult:
 def _encoded(result: Any, path: Path) -> bytes:
     kind = _FORMATS.get(path.suffix.lower())
     if kind is None:
-        raise OptionError(f"{path.name} ends in no known format; save as {', '.join(_FORMATS)}")
+        raise OptionError(
+            "{value} ends in no known format; save as {allowed}",
+            kind="format",
+            parameter=Term("path"),
+            value=path.name,
+            allowed=tuple(_FORMATS),
+        )
     image = to_rgba8(result.image()) if callable(result.image) else np.asarray(result.image)  # inks: 8 bits
     alpha = getattr(result, "alpha", None)
     buffer = io.BytesIO()
@@ -74,8 +80,19 @@ def _encoded(result: Any, path: Path) -> bytes:
         )
         return buffer.getvalue()
     if image.dtype.kind in "iu" and image.dtype.itemsize > 1:
-        raise OptionError(f"{path.name} holds 8 bits, and the picture is {image.dtype}; save it as .tif")
+        raise OptionError(
+            "{value} holds 8 bits, and the picture is {dtype}; save it as .tif",
+            kind="format",
+            parameter=Term("path"),
+            value=path.name,
+            dtype=str(image.dtype),
+        )
     if kind == "JPEG" and alpha is not None:
-        raise OptionError(f"{path.name} cannot be transparent, as the picture is in places; save it as .png")
+        raise OptionError(
+            "{value} cannot be transparent, as the picture is in places; save it as .png",
+            kind="format",
+            parameter=Term("path"),
+            value=path.name,
+        )
     to_pil(result).save(buffer, kind, **({"quality": 95} if kind != "PNG" else {}))
     return buffer.getvalue()

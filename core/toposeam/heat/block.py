@@ -70,12 +70,17 @@ class Block:
     def __init__(self, heat: Floats, convection: Floats, joined: bool = False) -> None:
         if heat.shape != convection.shape or heat.ndim != 3:
             raise OptionError(
-                f"heat has shape {heat.shape} and convection {convection.shape}; pass two (d, h, w) arrays"
+                "heat has shape {heat!s} and convection {convection!s}; pass two (d, h, w) arrays",
+                kind="shape",
+                heat=heat.shape,
+                convection=convection.shape,
             )
         if not (np.isfinite(heat).all() and np.isfinite(convection).all()):
-            raise OptionError("heat and convection must be finite")
+            raise OptionError("heat and convection must be finite", kind="number")
         if min(heat.min(), convection.min()) < 0 or not heat.any() or not convection.any():
-            raise OptionError("heat and convection must not be negative, and both somewhere above 0")
+            raise OptionError(
+                "heat and convection must not be negative, and both somewhere above 0", kind="number"
+            )
         self.shape: tuple[int, int, int] = heat.shape
         self.heat, self.convection = heat.astype(np.float64), convection.astype(np.float64)
         self.joined = joined
@@ -116,8 +121,10 @@ class Block:
         )
         if solved is None:
             raise SolverError(
-                f"the block's temperatures did not settle in {max_iterations} iterations; give more, or a "
-                "larger tolerance"
+                "the block's temperatures did not settle in {iterations} iterations; give more, or a "
+                "larger tolerance",
+                kind="not settled",
+                iterations=max_iterations,
             )
         cubes = solved.theta.reshape(self.shape)
         return BlockTemperature(

@@ -174,7 +174,9 @@ class _Sparse:
             else:
                 self.solver.update(matrix, upper=True)
         except (RuntimeError, ValueError) as error:
-            raise SolverError(f"the heat network cannot be solved: {error}") from error
+            raise SolverError(
+                "the heat network cannot be solved: {reason}", kind="unsolved", reason=str(error)
+            ) from error
         return self.solver.solve  # type: ignore[no-any-return]
 
 
@@ -232,7 +234,9 @@ class _Condensed:
     def factor(self, coupling: Floats, diagonal: Floats) -> Factor:
         d = diagonal.take(self.gone)
         if not (d > 0).all():
-            raise SolverError("the heat network cannot be solved: a node is not connected to a terminal")
+            raise SolverError(
+                "the heat network cannot be solved: a node is not connected to a terminal", kind="unsolved"
+            )
         leg = coupling.take(self.legs)
         share = leg / d.take(self.hub)
         added = np.concatenate([coupling.take(self.direct), share.take(self.one) * leg.take(self.other)])
@@ -257,6 +261,8 @@ class _Condensed:
 def _check(info: int) -> None:
     if info:
         raise SolverError(
-            f"the heat network cannot be solved: Cholesky stopped at row {info}; "
-            "a node is not connected to a terminal, or the conductances differ too much"
+            "the heat network cannot be solved: Cholesky stopped at row {row}; "
+            "a node is not connected to a terminal, or the conductances differ too much",
+            kind="unsolved",
+            row=int(info),
         )

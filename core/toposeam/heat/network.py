@@ -155,7 +155,7 @@ class Network:
         count, component = connected_components(graph, directed=False)
         cold, hot = component[self.n], component[self.n + 1]
         if cold == hot:
-            raise SolverError("the merged elements join the two terminals")
+            raise SolverError("the merged elements join the two terminals", kind="unsolved")
         number = np.full(count, -1, np.int32)
         number[cold], number[hot] = count - 2, count - 1
         number[number < 0] = np.arange(count - 2, dtype=np.int32)

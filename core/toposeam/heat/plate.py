@@ -70,7 +70,10 @@ class Plate:
     def __init__(self, heat: Floats, convection: Floats, joint: Joint | Shift | str = Joint.FREE) -> None:
         if heat.shape != convection.shape or heat.ndim != 2:
             raise OptionError(
-                f"heat has shape {heat.shape} and convection {convection.shape}; pass two (h, w) arrays"
+                "heat has shape {heat!s} and convection {convection!s}; pass two (h, w) arrays",
+                kind="shape",
+                heat=heat.shape,
+                convection=convection.shape,
             )
         self.shape: tuple[int, int] = (heat.shape[0], heat.shape[1])
         self.joint = joint if isinstance(joint, Shift) else Joint(joint)
@@ -79,18 +82,24 @@ class Plate:
             and np.isfinite(convection).all()
             and min(heat.min(), convection.min()) >= 0
         ):
-            raise OptionError("heat and convection must be finite and not negative")
+            raise OptionError("heat and convection must be finite and not negative", kind="number")
         if not heat.any():
-            raise OptionError("the plate has no heat source; give at least one source a strength above 0")
+            raise OptionError(
+                "the plate has no heat source; give at least one source a strength above 0", kind="no source"
+            )
         if not convection.any():
             raise OptionError(
                 "the plate has no heat sink, so its temperature is not determined; give at least one sink "
-                "convection above 0"
+                "convection above 0",
+                kind="no sink",
             )
         if not self.joint.fits(self.shape):
             raise OptionError(
-                f"a plate of {self.shape[0]} × {self.shape[1]} elements cannot be joined by {self.joint}; "
-                "use even sizes from 8"
+                "a plate of {rows} × {columns} elements cannot be joined by {joint}; use even sizes from 8",
+                kind="shape",
+                rows=self.shape[0],
+                columns=self.shape[1],
+                joint=str(self.joint),
             )
         self._hierarchy = Hierarchy(self.shape, self.joint)
         self._groups = self._hierarchy.groups[0]

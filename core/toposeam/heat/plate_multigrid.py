@@ -169,7 +169,8 @@ class DirectSolver:
                 )
         except (RuntimeError, np.linalg.LinAlgError) as error:
             raise SolverError(
-                "the plate's matrix is singular; give every part of the plate a way to a sink"
+                "the plate's matrix is singular; give every part of the plate a way to a sink",
+                kind="unsolved",
             ) from error
 
     def solve(self, load: npt.NDArray[np.floating]) -> Floats:

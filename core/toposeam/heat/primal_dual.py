@@ -186,7 +186,9 @@ class PrimalDual:
         dual = _share(fastest)
         # Whatever is not finite is so in x and y, too.
         if not isfinite(fastest) and not (np.isfinite(change).all() and np.isfinite(more).all()):
-            raise SolverError("the heat network cannot be solved: its conductances are too far apart")
+            raise SolverError(
+                "the heat network cannot be solved: its conductances are too far apart", kind="unsolved"
+            )
         self.potential = self.potential + primal * change
         self._up, self._down = up + primal * more_up, down + primal * more_down
         self.jump = self._jumps(self.potential)

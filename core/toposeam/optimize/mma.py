@@ -29,7 +29,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.checks import check_range
-from toposeam.errors import OptionError
+from toposeam.errors import OptionError, Term
 from toposeam.optimize.multiplier import find_multiplier
 
 Floats = npt.NDArray[np.float64]
@@ -61,7 +61,12 @@ class MMAOptions:
         check_range(0, above=True, farthest=self.farthest)
         check_range(0, self.farthest, above=True, nearest=self.nearest)
         if self.margin == 1:
-            raise OptionError("margin is 1, which leaves no way to go; it must be less")
+            raise OptionError(
+                "{parameter} is 1, which leaves no way to go; it must be less",
+                kind="number",
+                parameter=Term("margin"),
+                value=self.margin,
+            )
 
 
 def solve_subproblem(

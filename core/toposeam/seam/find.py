@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.checks import check_choice, check_function, options_from
-from toposeam.errors import MissingPackageError, OptionError
+from toposeam.errors import MissingPackageError, OptionError, Term
 from toposeam.heat.threads import one_thread
 from toposeam.images import Mask
 from toposeam.seam.automatic import best_path
@@ -226,7 +226,11 @@ def method_options(
         unwanted = sorted(given) + ([] if options is None else ["options"])
         if unwanted:
             raise OptionError(
-                f"method {method} takes no options, but {', '.join(unwanted)} was given; leave it out"
+                "{method} takes no options, but {names} was given; leave it out",
+                kind="conflict",
+                parameter=Term(unwanted[0]),
+                method=Term("method", f"method {method}", value=method),
+                names=tuple(map(Term, unwanted)),
             )
         return None
     return options_from(_ITERATIVE[method][0], options, dict(given), f"method {method}")

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.checks import check_range
-from toposeam.errors import ImageError
+from toposeam.errors import ImageError, Term
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
@@ -80,7 +80,12 @@ def contour(
     """
     values = np.asarray(density, np.float64)
     if values.ndim != 2 or not values.size:
-        raise ImageError(f"density has shape {values.shape}; pass a non-empty (H, W) array")
+        raise ImageError(
+            "{parameter} has shape {shape!s}; pass a non-empty (H, W) array",
+            kind="shape",
+            parameter=Term("density"),
+            shape=values.shape,
+        )
     return contour_beyond(
         np.pad(values, MARGIN_PX, mode="wrap" if periodic else "edge"), level, tolerance_px=tolerance_px
     )
@@ -93,7 +98,10 @@ def contour_beyond(window: npt.ArrayLike, level: float, *, tolerance_px: float =
     values = np.asarray(window, np.float64)
     if values.ndim != 2 or min(values.shape) <= 2 * MARGIN_PX or not np.isfinite(values).all():
         raise ImageError(
-            f"density has shape {values.shape}, margins included; pass an (H, W) array of finite numbers"
+            "{parameter} has shape {shape!s}, margins included; pass an (H, W) array of finite numbers",
+            kind="shape",
+            parameter=Term("density"),
+            shape=values.shape,
         )
     check_range(0, above=True, tolerance_px=tolerance_px)
     polygons = _polygons(values, level)

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from toposeam.checks import check_range
 from toposeam.display import line_svg
-from toposeam.errors import OptionError, PathError
+from toposeam.errors import OptionError, PathError, Term
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
@@ -36,7 +36,10 @@ def check_length(outline: Floats) -> None:
     reach = float(np.abs(np.diff(outline, axis=0)).sum())
     if not reach <= _LONGEST_PX:
         raise PathError(
-            f"the line goes {reach:.3g} px to the side and down; keep it within {_LONGEST_PX:g} px"
+            "the line goes {reach:.3g} px to the side and down; keep it within {most:g} px",
+            kind="long path",
+            reach=reach,
+            most=_LONGEST_PX,
         )
 
 
@@ -71,17 +74,35 @@ class Polyline:
         try:
             points = np.array(self.points).astype(np.float64, casting="same_kind")
         except (TypeError, ValueError) as error:
-            raise PathError(f"points are no numbers ({error}); a path needs an (N, 2) array") from error
+            raise PathError(
+                "{parameter} are no numbers ({reason}); a path needs an (N, 2) array",
+                kind="type",
+                parameter=Term("points"),
+                value=self.points,
+                reason=str(error),
+            ) from error
         if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2:
             raise PathError(
-                f"points has shape {points.shape}; a path needs an (N, 2) array of at least two points"
+                "{parameter} has shape {shape!s}; a path needs an (N, 2) array of at least two points",
+                kind="shape",
+                parameter=Term("points"),
+                shape=points.shape,
             )
         if not np.isfinite(points).all():
             raise PathError(
-                "points has NaN or infinite coordinates; give every point of the path a finite x and y"
+                "{parameter} has NaN or infinite coordinates; give every point of the path a finite x and y",
+                kind="number",
+                parameter=Term("points"),
             )
         if not isinstance(self.closed, bool | np.bool_):
-            raise PathError(f"closed is of type {type(self.closed).__name__}; pass True or False")
+            raise PathError(
+                "{parameter} is of type {type}; pass {allowed}",
+                kind="type",
+                parameter=Term("closed"),
+                value=self.closed,
+                type=type(self.closed).__name__,
+                allowed="True or False",
+            )
         if self.closed and len(points) > 2 and (points[0] == points[-1]).all():
             points = points[:-1].copy()
         points.setflags(write=False)
@@ -158,7 +179,10 @@ def trace_boundary(labels: Mask, valid: Mask) -> list[Polyline]:
     labels, valid = np.asarray(labels, bool), np.asarray(valid, bool)
     if labels.ndim != 2 or labels.shape != valid.shape:
         raise OptionError(
-            f"labels has shape {labels.shape} and valid {valid.shape}; pass two (H, W) arrays of one shape"
+            "labels has shape {labels!s} and valid {valid!s}; pass two (H, W) arrays of one shape",
+            kind="shape",
+            labels=labels.shape,
+            valid=valid.shape,
         )
     tail, head, direction = _boundary_edges(labels, valid)
     if not len(tail):

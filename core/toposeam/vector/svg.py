@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from toposeam.checks import check_pair
-from toposeam.errors import OptionError, PathError
+from toposeam.errors import OptionError, PathError, Term
 from toposeam.sentence import counted
 from toposeam.vector.polyline import Floats, Polyline
 from toposeam.vector.svg_document import NAMESPACE, document_of, name_of, parse, settings_of, tag_of
@@ -94,17 +94,31 @@ def write_svg(
     """
     if width <= 0 or height <= 0:
         raise OptionError(
-            f"the picture is {width} × {height} px; an SVG document needs a positive width and height"
+            "the picture is {width} × {height} px; an SVG document needs a positive width and height",
+            kind="number",
+            width=width,
+            height=height,
         )
     if names is None:
         names = [f"seam {index + 1}" for index in range(len(polylines))]
     if len(names) != len(polylines):
-        raise OptionError(f"{len(names)} names for {len(polylines)} paths; give one name per path, or none")
+        raise OptionError(
+            "{count} names for {wanted} paths; give one name per path, or none",
+            kind="count",
+            parameter=Term("names"),
+            count=len(names),
+            wanted=len(polylines),
+        )
     try:
         settings = json.dumps(dict(metadata), default=_plain, allow_nan=False)
     except (TypeError, ValueError) as error:
         raise OptionError(
-            f"metadata cannot be written as JSON ({error}); use numbers, texts, lists and mappings"
+            "{parameter} cannot be written as JSON ({reason}); use {allowed}",
+            kind="type",
+            parameter=Term("metadata"),
+            value=metadata,
+            reason=str(error),
+            allowed="numbers, texts, lists and mappings",
         ) from error
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',
@@ -169,7 +183,9 @@ def read_svg(source: str | bytes | os.PathLike[str], *, size: tuple[int, int] | 
     root = parse(document_of(source))
     if tag_of(root) != "svg":
         raise PathError(
-            f"the document is <{tag_of(root) or root.tag}>, not <svg>; save the path as plain SVG"
+            "the document is <{tag}>, not <svg>; save the path as plain SVG",
+            kind="not SVG",
+            tag=str(tag_of(root) or root.tag),
         )
     to_px, width, height = _viewport(root.attrib, size)
     polylines: list[Polyline] = []
@@ -183,7 +199,8 @@ def read_svg(source: str | bytes | os.PathLike[str], *, size: tuple[int, int] | 
             names += [name] * len(lines)
     if not polylines:
         raise PathError(
-            "the document has no visible path; draw one, or export the path itself, not only the picture"
+            "the document has no visible path; draw one, or export the path itself, not only the picture",
+            kind="no path",
         )
     return SvgSeam(tuple(polylines), width, height, settings_of(root), tuple(names))
 
@@ -229,12 +246,15 @@ def _viewport(
         )
     except ValueError as error:
         raise PathError(
-            f"the viewBox is {stated!r}; give it four numbers: left, top, width and height"
+            "the viewBox is {stated}; give it four numbers: left, top, width and height",
+            kind="picture size",
+            stated=repr(stated),
         ) from error
     if not (math.isfinite(left) and math.isfinite(top) and 0 < across < math.inf and 0 < down < math.inf):
         raise PathError(
             "the document does not say how large the picture is; give <svg> a viewBox of the picture's width "
-            "and height in px"
+            "and height in px",
+            kind="picture size",
         )
     counts_something_else = not math.isclose(width / PX[unit], across, rel_tol=1e-3)
     if not width > 0 or not height > 0 or (unit not in ("", "px") and counts_something_else):
@@ -249,8 +269,11 @@ def _viewport(
         top, down = top - (height / scale - down) / 2, height / scale
     if not (0 < width <= LARGEST_PX and 0 < height <= LARGEST_PX):
         raise PathError(
-            f"the document says that the picture is {width:g} × {height:g} px; give <svg> the picture's "
-            "width and height"
+            "the document says that the picture is {width:g} × {height:g} px; give <svg> the picture's "
+            "width and height",
+            kind="picture size",
+            width=width,
+            height=height,
         )
     # Editors round: 211.667 mm are 800 px.
     width, height = (

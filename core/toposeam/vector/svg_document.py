@@ -41,13 +41,14 @@ def document_of(source: str | bytes | os.PathLike[str]) -> str | bytes:
             ) from error
     if len(document) > LARGEST_BYTES:
         raise PathError(
-            f"the SVG document is larger than {LARGEST_BYTES // 2**20} MiB; save the path alone, without "
-            "embedded pictures"
+            "the SVG document is larger than {most} MiB; save the path alone, without embedded pictures",
+            kind="large document",
+            most=LARGEST_BYTES // 2**20,
         )
     if not document.strip():
-        raise PathError("the SVG document is empty; export the path again")
+        raise PathError("the SVG document is empty; export the path again", kind="empty document")
     if isinstance(document, bytes) and document.startswith(b"\x1f\x8b"):
-        raise PathError("the SVG document is compressed (.svgz); save it as plain SVG")
+        raise PathError("the SVG document is compressed (.svgz); save it as plain SVG", kind="not SVG")
     return document
 
 
@@ -69,7 +70,9 @@ def parse(document: str | bytes) -> Any:
             self.count += 1
             if self.count > MOST_ELEMENTS:
                 raise PathError(
-                    f"the SVG document has more than {MOST_ELEMENTS} elements; save the path alone"
+                    "the SVG document has more than {most} elements; save the path alone",
+                    kind="too complex",
+                    most=MOST_ELEMENTS,
                 )
             return super().start(tag, attrs)
 
@@ -89,10 +92,15 @@ def parse(document: str | bytes) -> Any:
     except DefusedXmlException as error:
         raise PathError(
             "the document declares XML entities or DTD rules, which can be hostile; save the path as plain "
-            "SVG"
+            "SVG",
+            kind="hostile",
         ) from error
     except (ParseError, ValueError, LookupError) as error:
-        raise PathError(f"the document is not XML ({error}); save or export the path as SVG") from error
+        raise PathError(
+            "the document is not XML ({reason}); save or export the path as SVG",
+            kind="not SVG",
+            reason=str(error),
+        ) from error
 
 
 def tag_of(element: Any) -> str:

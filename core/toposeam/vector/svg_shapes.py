@@ -75,7 +75,12 @@ class Budget:
         """
         self.points -= count
         if self.points < 0:
-            raise PathError(f"the paths have more than {MOST_POINTS} points; {_SIMPLIFY}")
+            raise PathError(
+                "the paths have more than {most} points; {remedy}",
+                kind="too complex",
+                most=MOST_POINTS,
+                remedy=_SIMPLIFY,
+            )
 
     def spend_segments(self, count: int) -> None:
         """Take segments, or what costs as much to read, away.
@@ -87,7 +92,12 @@ class Budget:
         """
         self.segments -= count
         if self.segments < 0:
-            raise PathError(f"the paths have more than {MOST_SEGMENTS} segments; {_SIMPLIFY}")
+            raise PathError(
+                "the paths have more than {most} segments; {remedy}",
+                kind="too complex",
+                most=MOST_SEGMENTS,
+                remedy=_SIMPLIFY,
+            )
 
 
 def transform_of(text: str, budget: Budget) -> Floats:
@@ -99,7 +109,11 @@ def transform_of(text: str, budget: Budget) -> Floats:
         m = Matrix(text, ppi=96)
         return np.array([[m.a, m.c, m.e], [m.b, m.d, m.f], [0.0, 0.0, 1.0]], np.float64)
     except (ValueError, TypeError, AttributeError, IndexError, ArithmeticError) as error:
-        raise PathError(f"the transform {text[:60]!r} cannot be read; apply or remove it") from error
+        raise PathError(
+            "the transform {transform} cannot be read; apply or remove it",
+            kind="unreadable",
+            transform=repr(text[:60]),
+        ) from error
 
 
 def polylines_of(element: Any, matrix: Floats, budget: Budget) -> list[Polyline]:
@@ -115,11 +129,17 @@ def polylines_of(element: Any, matrix: Floats, budget: Budget) -> list[Polyline]
     except PathError:
         raise
     except (ValueError, TypeError, AttributeError, IndexError, ArithmeticError) as error:
-        raise PathError(f"{shape} cannot be read as a path; draw or export it again") from error
+        raise PathError(
+            "{shape} cannot be read as a path; draw or export it again", kind="unreadable", shape=shape
+        ) from error
     lines = []
     for points, closed in flattened:
         if not np.isfinite(points).all():
-            raise PathError(f"{shape} has coordinates that are not finite numbers; draw or export it again")
+            raise PathError(
+                "{shape} has coordinates that are not finite numbers; draw or export it again",
+                kind="number",
+                shape=shape,
+            )
         if len(points) > 1 and np.ptp(points, axis=0).any():
             lines.append(Polyline(points, closed))
     return lines
@@ -149,7 +169,12 @@ def _path(data: str, matrix: Floats, budget: Budget) -> list[tuple[Floats, bool]
         return straight
     budget.spend_segments((1 + count) * (_ARC if "A" in data.upper() else 1))
     if len(_GOES_ON.findall(data)) > _MOST_GOING_ON:
-        raise PathError(f"a path goes on after it was closed more than {_MOST_GOING_ON} times; {_SIMPLIFY}")
+        raise PathError(
+            "a path goes on after it was closed more than {most} times; {remedy}",
+            kind="too complex",
+            most=_MOST_GOING_ON,
+            remedy=_SIMPLIFY,
+        )
     return _flatten(Path(data), matrix, budget)
 
 

@@ -285,7 +285,9 @@ def common_canvas(layers: Sequence[Layer], *, max_megapixels: float = MAX_MEGAPI
     check_number("max_megapixels", max_megapixels, 0, above=True)
     layers = check_items("layers", layers, Layer, "a sequence of Layers")
     if not layers:
-        raise OptionError("there are no layers; give at least one")
+        raise OptionError(
+            "there are no layers; give at least one", kind="count", parameter=Term("layers"), count=0
+        )
     extent = extent_of(layers)
     height, width = extent.shape
     if height * width > max_megapixels * 1e6:

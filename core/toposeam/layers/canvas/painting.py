@@ -81,8 +81,9 @@ def channel_count(layers: Sequence[Layer]) -> int | None:
     wide = counts - {1}
     if len(wide) > 1:
         raise ImageError(
-            f"the layers have {', '.join(map(str, sorted(wide)))} channels; convert them to the same number, "
-            "or to gray"
+            "the layers have {channels} channels; convert them to the same number, or to gray",
+            kind="channels",
+            channels=tuple(sorted(wide)),
         )
     if wide:
         return wide.pop()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from toposeam.checks import check_kind, check_number, check_numbers
-from toposeam.errors import OptionError
+from toposeam.errors import OptionError, Term
 from toposeam.layers.canvas.layer import FARTHEST, Layer
 from toposeam.layers.canvas.transforms import similarity
 from toposeam.layers.canvas.warping import on_canvas
@@ -44,7 +44,13 @@ def placed(layer: Layer, *, at: tuple[float, float], turn: float = 0.0, scale: f
     check_kind("layer", layer, Layer, "a Layer")
     place = check_numbers("at", at)
     if place.shape != (2,):
-        raise OptionError(f"at is of shape {place.shape}; pass two numbers, x and y in px")
+        raise OptionError(
+            "{parameter} is of shape {shape!s}; pass two numbers, x and y in px",
+            kind="shape",
+            parameter=Term("at"),
+            value=at,
+            shape=place.shape,
+        )
     u, v = place.tolist()
     check_number("turn", turn, -180, 180)
     check_number("scale", scale, 1e-6, 1e6)

@@ -139,9 +139,17 @@ def compose(
     match = match_options(gradient, cost, usual_law(method))
     dtypes = {layer.image.dtype for layer in layers}
     if len(dtypes) > 1:
-        raise ImageError(f"the layers have dtypes {', '.join(sorted(map(str, dtypes)))}; convert them to one")
+        raise ImageError(
+            "the layers have dtypes {dtypes}; convert them to one",
+            kind="dtype",
+            dtypes=tuple(sorted(map(str, dtypes))),
+        )
     if len({layer.data_range for layer in layers}) > 1:
-        raise ImageError("the layers have different values of data_range; give them the same white")
+        raise ImageError(
+            "the layers have different values of {parameter}; give them the same white",
+            kind="white",
+            parameter=Term("data_range"),
+        )
     channels = channel_count(layers)
     paths = paths_by_pair(use_path, len(layers))
     if match.reach is None:
@@ -369,7 +377,13 @@ def shown_as(
         label_map[box.slices] = labels
 
     def nothing(pair: Pair, beside: bool) -> Seam:
-        raise OptionError(f"layers {pair[0]} and {pair[1]} were not divided by a seam")
+        raise OptionError(
+            "layers {first} and {second} were not divided by a seam",
+            kind="no seam",
+            layers=pair,
+            first=pair[0],
+            second=pair[1],
+        )
 
     placed = Placed(layers=parts, places=places, covered=covered, label_map=label_map)
     if wrap is not None:

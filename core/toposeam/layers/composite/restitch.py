@@ -10,7 +10,7 @@ import numpy.typing as npt
 import scipy
 
 from toposeam.checks import check_items
-from toposeam.errors import OptionError, PathError
+from toposeam.errors import OptionError, PathError, Term
 from toposeam.images import as_mask, full_scale
 from toposeam.layers.blending.blend import Blend, Blender, Placed, check_blend
 from toposeam.layers.canvas.layer import MAX_MEGAPIXELS, Extent, Layer, check_layers, common_canvas
@@ -77,7 +77,13 @@ def restitch(
     check_blend(blend, blend_width)
     masks = check_items("masks", masks, object, "one mask per layer")
     if len(masks) != len(layers):
-        raise OptionError(f"{len(masks)} masks were given for {len(layers)} layers; give each layer one")
+        raise OptionError(
+            "{count} masks were given for {wanted} layers; give each layer one",
+            kind="count",
+            parameter=Term("masks"),
+            count=len(masks),
+            wanted=len(layers),
+        )
     canvas = common_canvas(layers, max_megapixels=max_megapixels)
     places = [canvas.place(layer) for layer in layers]
     covered = [layer.covered for layer in layers]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from toposeam.checks import check_kind, check_pair
-from toposeam.errors import OptionError, OverlapError, PathError
+from toposeam.errors import OptionError, OverlapError, PathError, Term
 from toposeam.images import Mask
 from toposeam.layers.canvas.layer import Box, Extent, Layer, cut
 from toposeam.layers.canvas.painting import LabelMap, channel_count, paint
@@ -129,8 +129,11 @@ def paths_by_pair(
     if isinstance(given, SvgSeam):
         if count != 2:
             raise OptionError(
-                f"a path joins two layers, but {count} were given; say between which two it runs, as "
-                f"{{(0, 1): path}}"
+                "a path joins two layers, but {count} were given; say between which two it runs, as "
+                "{{(0, 1): path}}",
+                kind="count",
+                parameter=Term(name),
+                count=count,
             )
         return {(0, 1): given}
     check_kind(name, given, Mapping, "an SvgSeam, or one for each pair of layers")
@@ -140,8 +143,14 @@ def paths_by_pair(
         check_kind(name, drawing, SvgSeam, "an SvgSeam for each pair of layers")
         if first >= count or second >= count or first == second:
             raise OptionError(
-                f"a path was given between layers {first} and {second}; choose two different ones from 0 to "
-                f"{count - 1}"
+                "a path was given between layers {first} and {second}; choose two different ones from 0 to "
+                "{last}",
+                kind="choice",
+                parameter=Term(name),
+                value=pair,
+                first=first,
+                second=second,
+                last=count - 1,
             )
         paths[min(first, second), max(first, second)] = drawing
     return paths

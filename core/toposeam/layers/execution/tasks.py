@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
-from toposeam.errors import OptionError
+from toposeam.errors import OptionError, Term
 from toposeam.layers.canvas.layer import Box
 
 Item = TypeVar("Item")
@@ -50,7 +50,12 @@ def check_executor(executor: Any) -> None:
     """
     if executor is not None and (isinstance(executor, type) or not callable(getattr(executor, "map", None))):
         raise OptionError(
-            f"executor is of type {type(executor).__name__}; pass a concurrent.futures.Executor or None"
+            "{parameter} is of type {type}; pass {allowed}",
+            kind="type",
+            parameter=Term("executor"),
+            value=executor,
+            type=type(executor).__name__,
+            allowed="a concurrent.futures.Executor or None",
         )
 
 

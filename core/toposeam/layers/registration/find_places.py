@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.checks import check_choice, check_function, check_items, check_range, check_whole
-from toposeam.errors import OptionError, OverlapError
+from toposeam.errors import OptionError, OverlapError, Term
 from toposeam.layers.canvas.layer import Layer, as_layers
 from toposeam.layers.canvas.transforms import (
     PROJECTIONS,
@@ -283,7 +283,12 @@ def found_places(
     """As :func:`find_places`, for whoever places pictures in a way of their own, as into files."""
     pictures = check_items("pictures", pictures, Layer, "a sequence of Layers")
     if len(pictures) < 2:
-        raise OptionError(f"{len(pictures)} picture was given; pass at least two")
+        raise OptionError(
+            "{count} picture was given; pass at least two",
+            kind="few layers",
+            parameter=Term("pictures"),
+            count=len(pictures),
+        )
     options.check(len(pictures))
     check_function("progress", progress)
     report: Callable[[float], None] = progress or (lambda _: None)

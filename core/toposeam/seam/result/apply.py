@@ -103,10 +103,19 @@ def labels_from_paths(paths: Iterable[Polyline], overlap: Mask, side: Bytes) -> 
     overlap, side = np.asarray(overlap, bool), np.asarray(side, np.uint8)
     if overlap.ndim != 2 or overlap.shape != side.shape:
         raise OptionError(
-            f"overlap has shape {overlap.shape} and side {side.shape}; pass two (H, W) arrays of one shape"
+            "overlap has shape {overlap!s} and side {side!s}; pass two (H, W) arrays of one shape",
+            kind="shape",
+            overlap=overlap.shape,
+            side=side.shape,
         )
     if side.max(initial=0) > _NONE:
-        raise OptionError(f"side has the value {side.max()}; use 0 (a), 1 (b), 2 (free) and 3 (nothing)")
+        raise OptionError(
+            "{parameter} has the value {value}; use {allowed}",
+            kind="choice",
+            parameter=Term("side"),
+            value=int(side.max()),
+            allowed="0 (a), 1 (b), 2 (free) and 3 (nothing)",
+        )
     labels: Mask = side == _B
     free = overlap & (side == _FREE)
     if not free.any():
@@ -137,7 +146,10 @@ def _outline(path: Polyline) -> Floats:
     farthest = np.abs(path.points).max()
     if farthest > FARTHEST_PX:
         raise PathError(
-            f"the path reaches {farthest:.4g} px from the upper left corner; keep it within {FARTHEST_PX} px"
+            "the path reaches {farthest:.4g} px from the upper left corner; keep it within {most} px",
+            kind="outside",
+            farthest=float(farthest),
+            most=FARTHEST_PX,
         )
     return path.outline
 

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.checks import check_number
-from toposeam.errors import OptionError, PathError
+from toposeam.errors import OptionError, PathError, Term
 from toposeam.images import Mask
 from toposeam.optimize.history import Frame, Iteration, Termination
 from toposeam.saving import save
@@ -288,7 +288,14 @@ def apply_paths(
            [0, 0, 0, 1, 1, 1]])
     """
     if not isinstance(drawing, SvgSeam):
-        raise OptionError(f"drawing is of class {type(drawing).__name__}; pass what read_svg returns")
+        raise OptionError(
+            "{parameter} is of class {type}; pass {allowed}",
+            kind="type",
+            parameter=Term("drawing"),
+            value=drawing,
+            type=type(drawing).__name__,
+            allowed="what read_svg returns",
+        )
     problem, only_b, settings = pose(
         a,
         b,

@@ -217,7 +217,9 @@ class CornerNetwork:
         heat = float(flux[at_source].sum())
         if not (np.isfinite(heat) and heat > 0):
             raise SolverError(
-                f"no heat flows from source to sink (total flux {heat}); the conductances differ too much"
+                "no heat flows from source to sink (total flux {heat}); the conductances differ too much",
+                kind="unsolved",
+                heat=heat,
             )
         return flux / heat, 1.0 / heat
 
@@ -235,7 +237,7 @@ class CornerNetwork:
         graph = coo_array((np.ones(len(kept), np.int8), (tail, head)), shape=(c.n + 2, c.n + 2))
         _, region = connected_components(graph, directed=False)
         if region[c.n] != region[c.n + 1]:
-            raise SolverError("the elements do not connect source and sink")
+            raise SolverError("the elements do not connect source and sink", kind="unsolved")
         connected = region[tail] == region[c.n]
         kept, tail, head = kept[connected], tail[connected], head[connected]
         number = np.zeros(c.n + 2, np.int32)

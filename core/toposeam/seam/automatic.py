@@ -1,14 +1,15 @@
 """Method `auto`: the exact solver that is fastest for the overlap at hand, and heat where none is.
 
 An overlap that one path between corners divides, like a strip or an L, is left to the shortest path
-(:mod:`toposeam.seam.exact.optimum`), which is exact and fastest at every size that was measured
-(docs/heat.md). Rings, islands and overlaps with several seams are left to a maximum flow
-(:mod:`toposeam.seam.exact.maximum_flow`) up to :data:`FLOW_PIXELS`. Beyond, heat takes no longer, and its
-seam suffers from no rounded capacities.
+(:mod:`toposeam.seam.exact.optimum`), which is fastest at every size that was measured (docs/heat.md) and
+exact up to :data:`PATH_CORNERS`; beyond, it is searched among every other corner first. Rings, islands and
+overlaps with several seams are left to a maximum flow (:mod:`toposeam.seam.exact.maximum_flow`) up to
+:data:`FLOW_PIXELS`. Beyond, heat takes no longer, and its seam suffers from no rounded capacities.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -17,15 +18,13 @@ from toposeam.heat.threads import one_thread
 from toposeam.images import Mask
 from toposeam.seam.exact.optimum import cut_by_flow, exact_labels
 from toposeam.seam.heat.method import HeatOptions, heat_path
-from toposeam.seam.problem.overlap import FREE
 from toposeam.seam.problem.seam_problem import SeamProblem
 from toposeam.seam.problem.solution import Solution
 
 #: Up to this many free pixels that no path divides are cut by maximum flow.
 FLOW_PIXELS = 30_000
-#: Beyond this many free pixels a shortest path, which needs about 100 bytes for each, is sought in a corridor
-#: only, which heat finds.
-PATH_PIXELS = 10_000_000
+#: In windows of more corners a shortest path is searched near the best one of every other corner.
+PATH_CORNERS = 1 << 20
 
 
 class _TooLargeError(Exception):
@@ -45,8 +44,8 @@ def best_path(problem: SeamProblem, progress: Callable[[float], None] | None = N
     -------
     Solution
         Its `method` is "shortest-path"; "graph-cut" where a maximum flow cut some of the overlap; or "heat".
-        Of the first two `bound` is the cost, and `contracted` is True: heat is led through the overlap when
-        somebody reads the label potential.
+        Of the first two `bound` is the cost, or 0 where the window has more than :data:`PATH_CORNERS`, and
+        `contracted` is True: heat is led through the overlap when somebody reads the label potential.
     """
     flows: list[Mask] = []
 
@@ -57,18 +56,17 @@ def best_path(problem: SeamProblem, progress: Callable[[float], None] | None = N
         return cut_by_flow(problem, pixels)
 
     try:
-        if np.count_nonzero(problem.overlap.side == FREE) > PATH_PIXELS:
-            raise _TooLargeError
-        labels = exact_labels(problem, flow=flow)
+        labels = exact_labels(problem, flow=flow, whole=PATH_CORNERS)
     except _TooLargeError:
         with one_thread():
             return heat_path(problem, HeatOptions(), progress=progress)
     if progress is not None:
         progress(1.0)
+    whole = math.prod(size + 1 for size in labels.shape) <= PATH_CORNERS
     return Solution(
         labels=labels,
         soft=labels.astype(np.float32),
         contracted=True,
         method="graph-cut" if flows else "shortest-path",
-        bound=problem.total(labels),
+        bound=problem.total(labels) if whole else 0.0,
     )

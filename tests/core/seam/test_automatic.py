@@ -38,9 +38,14 @@ def test_heat_replaces_a_flow_above_its_pixel_limit(shape, engine, crops, monkey
     assert bool(seam.history) == (engine == "heat")
 
 
-def test_heat_replaces_a_path_above_its_memory_limit(crops, monkeypatch):
-    monkeypatch.setattr(automatic, "PATH_PIXELS", 100)
-    assert ts.find_seam(*posed(None, crops)).method == "heat"
+def test_a_path_among_many_corners_is_nearly_the_best(crops, monkeypatch):
+    given = crops(np.random.default_rng(41), 240, 120)
+    best = ts.find_seam(*given)
+    monkeypatch.setattr(automatic, "PATH_CORNERS", 2000)
+    seam = ts.find_seam(*given)
+    assert seam.method == "shortest-path"
+    assert best.cost <= seam.cost <= 1.02 * best.cost
+    assert seam.bound == 0 < best.bound
 
 
 @pytest.mark.parametrize(

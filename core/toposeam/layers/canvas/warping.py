@@ -21,6 +21,8 @@ _BLOCK, _MARGIN = 256, 12
 #: Coordinates are computed at every so many px and between them linearly.
 _STEP = 8
 
+Complex = npt.NDArray[np.complex128]
+
 
 def warped_box(layer: Layer, transform: Transform) -> Box:
     """The rectangle of the canvas that a warped picture fills.
@@ -47,16 +49,18 @@ def coordinates(transform: Transform, box: Box) -> Floats:
     rows, columns = box.shape
     down, across = (np.minimum(np.arange(-(-side // _STEP) + 1) * _STEP, side - 1) for side in box.shape)
     coarse = transform.to_picture(np.stack(np.meshgrid(across + box.left, down + box.top), axis=-1) + 0.0)
-    return _between(_between(coarse, down, rows).swapaxes(0, 1), across, columns).swapaxes(0, 1)
+    points = coarse.view(np.complex128)[..., 0]  # one number each
+    return _between(_between(points.T, down, rows).T, across, columns).view(np.float64).reshape(*box.shape, 2)
 
 
-def _between(values: Floats, knots: npt.NDArray[np.intp], count: int) -> Floats:
-    """(count, …) linear interpolation of (K, …) values at knots."""
-    where = np.arange(count)
-    index = np.minimum(where // _STEP, len(knots) - 2)
-    share = (where - knots[index]) / np.maximum(knots[index + 1] - knots[index], 1)
-    share = share.reshape(-1, *[1] * (values.ndim - 1))
-    return np.asarray(values[index] * (1 - share) + values[index + 1] * share)
+def _between(values: Complex, knots: npt.NDArray[np.intp], count: int) -> Complex:
+    """(n, count) linear interpolation of (n, K) values at knots."""
+    change = np.zeros_like(values)
+    np.subtract(values[:, 1:], values[:, :-1], out=change[:, :-1])
+    change[:, :-1] /= np.maximum(np.diff(knots), 1)
+    result = change[..., np.newaxis] * np.arange(_STEP)
+    result += values[..., np.newaxis]
+    return result.reshape(len(values), -1)[:, :count]
 
 
 def on_canvas(layer: Layer, transform: Transform) -> Layer:

@@ -2,6 +2,14 @@
 
 ``below[y, x]`` is the cost of going down from corner (y, x), ``beside[y, x]`` of going right; infinite is no
 way. Beyond the last row, and the last column, nothing leads anywhere.
+
+Of many corners every other one is searched first, and again until few are left; then the path near that one
+is searched among all. A path between every other corner stands for those that stay within one corner of it.
+The cheapest of them takes in each row the least of three edges, the straight one only the middle edge::
+
+    M'(X, Y) = Σ over y = 2Y, 2Y + 1:  w min(M(2X - 1, y), M(2X, y), M(2X + 1, y)) + (1 - w) M(2X, y)
+
+with M(x, y) the cost of going down from corner (x, y); likewise across.
 """
 
 from __future__ import annotations
@@ -13,10 +21,102 @@ import numpy.typing as npt
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
+from toposeam.images import Mask
 from toposeam.seam.problem.match_cost import Floats32
 
 #: Edges are laid out for so many corners at a time.
 _BLOCK = 1 << 16
+#: The weight w above.
+_WANDERING = 0.6
+#: How far from the path between every other corner the path may run, corners.
+_BAND = 16
+#: How far from an end of the path its end among every other corner may lie, corners of these.
+_NEAR = 8
+
+
+def cheapest_path(
+    below: Floats32, beside: Floats32, ends: tuple[int, int], limit: float = np.inf, whole: float = np.inf
+) -> tuple[npt.NDArray[np.intp] | None, float]:
+    """Search the cheapest path between two corners.
+
+    Parameters
+    ----------
+    below, beside : (h, w) float32 arrays
+    ends : (int, int)
+        Flat indices.
+    limit : float
+        No longer path is looked for.
+    whole : float
+        Of more corners every other one is searched first; the path then need not be the cheapest.
+
+    Returns
+    -------
+    path : (n,) int array, or None
+        Flat indices; None where there is no path within the limit.
+    length : float
+    """
+    if below.size > whole:
+        near = _beside_coarse_path(below, beside, ends, whole)
+        if near is not None:
+            away = np.float32(np.inf)
+            narrowed = CornerGraph.of(np.where(near, below, away), np.where(near, beside, away), ends)
+            found = narrowed.cheapest_path(limit) if narrowed is not None else (None, np.inf)
+            if found[0] is not None:
+                return found
+    graph = CornerGraph.of(below, beside, ends)
+    return (None, np.inf) if graph is None else graph.cheapest_path(limit)
+
+
+def _beside_coarse_path(
+    below: Floats32, beside: Floats32, ends: tuple[int, int], whole: float
+) -> Mask | None:
+    """(h, w) bool: corners near the cheapest path between every other one; None where there is none."""
+    stride = below.shape[1]
+    coarse = _halved(below), np.ascontiguousarray(_halved(beside.T).T)
+    start, end = (_nearest(*coarse, divmod(end, stride)) for end in ends)
+    if start is None or end is None:
+        return None
+    path, _ = cheapest_path(*coarse, (start, end), whole=whole)
+    if path is None:
+        return None
+    near = np.zeros(below.shape, bool)
+    corners = [2 * value for value in np.divmod(path, coarse[0].shape[1])]
+    for y, x in [*zip(*corners, strict=True), *(divmod(end, stride) for end in ends)]:
+        near[max(y - _BAND, 0) : y + _BAND + 1, max(x - _BAND, 0) : x + _BAND + 1] = True
+    return near
+
+
+def _halved(below: Floats32) -> Floats32:
+    """The costs of going down between every other corner."""
+    h, w = below.shape
+    even = np.full((h + h % 2, w // 2 + w % 2), np.inf, np.float32)
+    odd = even.copy()
+    even[:h], odd[:h, : w // 2] = below[:, ::2], below[:, 1::2]
+    least = np.minimum(even, odd)
+    np.minimum(least[:, 1:], odd[:, :-1], out=least[:, 1:])
+    closed = np.isinf(even)
+    even[closed] = least[closed]
+    even *= np.float32(1 - _WANDERING)
+    least *= np.float32(_WANDERING)
+    even += least
+    first, second = even[::2], even[1::2]
+    # Of two edges one may be no way: at the border, where the path has to begin, and across what it avoids.
+    dear = np.float32(even.size) * even.max(where=np.isfinite(even), initial=0)
+    return np.where(np.isinf(first) != np.isinf(second), np.minimum(first, second) + dear, first + second)
+
+
+def _nearest(below: Floats32, beside: Floats32, corner: tuple[int, int]) -> int | None:
+    """The flat index of the corner with a way on that is nearest to half of another corner's coordinates;
+    None where there is none close by.
+    """
+    top, left = (max(value // 2 - _NEAR, 0) for value in corner)
+    box = np.s_[top : top + 2 * _NEAR, left : left + 2 * _NEAR]
+    y, x = np.nonzero(np.isfinite(below[box]) | np.isfinite(beside[box]))
+    if not len(y):
+        return None
+    y, x = y + top, x + left
+    nearest = np.argmin((2 * y - corner[0]) ** 2 + (2 * x - corner[1]) ** 2)
+    return int(y[nearest] * below.shape[1] + x[nearest])
 
 
 class CornerGraph(NamedTuple):

@@ -20,7 +20,7 @@ from scipy.sparse.csgraph import connected_components
 
 from toposeam.heat.network import Ints
 from toposeam.images import Mask
-from toposeam.seam.exact.corner_graph import CornerGraph
+from toposeam.seam.exact.corner_graph import cheapest_path
 from toposeam.seam.exact.maximum_flow import minimum_cut
 from toposeam.seam.problem.match_cost import Floats32
 from toposeam.seam.problem.overlap import FREE, NONE, TOUCHING, A, B
@@ -32,7 +32,10 @@ _PAIRS: tuple[tuple[_Box, _Box], ...] = (np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-
 
 
 def exact_labels(
-    problem: SeamProblem, most: float = np.inf, flow: Callable[[SeamProblem, Mask], Mask] | None = None
+    problem: SeamProblem,
+    most: float = np.inf,
+    flow: Callable[[SeamProblem, Mask], Mask] | None = None,
+    whole: float = np.inf,
 ) -> Mask:
     """Find the labelling of least cost.
 
@@ -43,6 +46,9 @@ def exact_labels(
         What some seam is known to cost: none dearer is looked for.
     flow : callable, optional
         Divides some free pixels where the cut is no path; by default :func:`cut_by_flow` does.
+    whole : float
+        Paths among more corners are searched near the best one of every other corner, and need not be the
+        cheapest.
 
     Returns
     -------
@@ -52,11 +58,15 @@ def exact_labels(
     labels = problem.complete(np.zeros(side.shape, bool)).astype(bool, copy=False)
     for box, pixels, alone in pieces(side == FREE):
         # Costs beside further layers belong to no interface, hence to no path.
-        found = None if problem.tied else shortest_path(problem, box, pixels, most if alone else np.inf)
+        found = (
+            None
+            if problem.tied
+            else shortest_path(problem, box, pixels, most if alone else np.inf, whole=whole)
+        )
         if found is None:
-            whole = np.zeros(side.shape, bool)
-            whole[box] = pixels
-            labels[whole] = (flow or cut_by_flow)(problem, whole)[whole]
+            piece = np.zeros(side.shape, bool)
+            piece[box] = pixels
+            labels[piece] = (flow or cut_by_flow)(problem, piece)[piece]
         else:
             labels[box][pixels] = found[pixels]
     return labels
@@ -68,6 +78,7 @@ def shortest_path(
     free: Mask,
     most: float = np.inf,
     zone: Mask | None = None,
+    whole: float = np.inf,
 ) -> Mask | None:
     """Labels of the free pixels of a box, cut by one shortest path between corners; None where the cut is not
     a single path.
@@ -83,6 +94,8 @@ def shortest_path(
         What some seam there is known to cost: none dearer is looked for.
     zone : (h, w) bool array, optional
         On the box: the seam runs beside these pixels only.
+    whole : float
+        In boxes of more corners the path is searched near the best one between every other corner.
 
     Returns
     -------
@@ -121,12 +134,8 @@ def shortest_path(
             np.copyto(costs, np.float32(np.inf), where=~(zone[s] | zone[t] | gap))
     limit = min(most, border.to_b) * (1 + 1e-6)
     del border, gap, zone  # the search needs the memory
-    graph = CornerGraph.of(below, beside, ends)
+    path, length = cheapest_path(below, beside, ends, limit, whole)
     del below, beside, layout, costs
-    if graph is None:
-        return None
-    path, length = graph.cheapest_path(limit)
-    del graph
     if path is None:
         return None
     for labels in _sides_of(path, side, free):

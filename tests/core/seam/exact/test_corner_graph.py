@@ -1,0 +1,77 @@
+"""Cheapest paths between corners, searched whole and near the path between every other corner."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+from toposeam.seam.exact.corner_graph import cheapest_path
+
+
+def costs(seed, h, w, smooth=2.0):
+    rng = np.random.default_rng(seed)
+    below, beside = ndimage.gaussian_filter(rng.random((2, h, w)), (0, smooth, smooth)).astype(np.float32)
+    below, beside = below - below.min() + 0.001, beside - beside.min() + 0.001
+    below[-1] = np.inf
+    beside[:, -1] = np.inf
+    return below, beside
+
+
+def length(path, below, beside):
+    """The length of a path, which takes one step at a time."""
+    y, x = np.divmod(path, below.shape[1])
+    down, right = np.diff(y), np.diff(x)
+    assert (np.abs(down) + np.abs(right) == 1).all()
+    y, x = np.minimum(y[1:], y[:-1]), np.minimum(x[1:], x[:-1])
+    return float(np.where(down != 0, below[y, x], beside[y, x]).sum(dtype=np.float64))
+
+
+@pytest.mark.parametrize("size", [(121, 80), (90, 161), (128, 128)])
+def test_few_corners_lead_near_the_cheapest_path(size):
+    ratios = []
+    for seed in range(8):
+        below, beside = costs(seed, *size)
+        ends = 5, below.size - 7
+        best, least = cheapest_path(below, beside, ends)
+        path, found = cheapest_path(below, beside, ends, whole=below.size // 5)
+        assert (path[0], path[-1]) == ends == (best[0], best[-1])
+        assert found == pytest.approx(length(path, below, beside), rel=1e-6)
+        ratios.append(found / least)
+    assert min(ratios) >= 1 - 1e-9
+    assert np.mean(ratios) < 1.01
+    assert max(ratios) < 1.05
+
+
+def test_a_way_only_one_corner_wide_is_found():
+    below, beside = costs(1, 120, 90)
+    beside[:, 45] = np.inf  # a wall
+    beside[77, 45] = 1.0
+    ends = 60 * 90, 60 * 90 + 80
+    best, least = cheapest_path(below, beside, ends)
+    path, found = cheapest_path(below, beside, ends, whole=2000)
+    assert path is not None
+    assert 77 * 90 + 45 in best
+    assert least <= found < np.inf
+
+
+def test_ends_on_a_border_without_edges_beside_it_are_reached():
+    below, beside = costs(2, 100, 80)
+    below[0, 1:] = np.inf
+    beside[0] = np.inf
+    ends = 0, 99 * 80 + 40
+    assert cheapest_path(below, beside, ends, whole=1000)[1] <= 1.05 * cheapest_path(below, beside, ends)[1]
+
+
+def test_no_way_is_none_however_many_corners_are_searched():
+    below, beside = costs(3, 60, 60)
+    below[30] = np.inf
+    for whole in (np.inf, 500):
+        assert cheapest_path(below, beside, (3, 59 * 60), whole=whole) == (None, np.inf)
+
+
+def test_a_limit_holds_for_few_corners_too():
+    below, beside = costs(4, 80, 80)
+    _, least = cheapest_path(below, beside, (0, 79 * 80))
+    for whole in (np.inf, 1000):
+        assert cheapest_path(below, beside, (0, 79 * 80), 0.9 * least, whole) == (None, np.inf)

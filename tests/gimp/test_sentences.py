@@ -170,7 +170,7 @@ def test_settings_out_of_range_are_named_with_their_range(check, arguments, show
     assert sentences.in_gimps_words(told(refused.value)) == shown
 
 
-def test_a_range_of_something_without_a_name_is_said_by_the_engine():
+def test_the_engine_says_ranges_of_what_is_no_setting():
     with pytest.raises(TopoSeamError) as refused:
         check_number(Term("", "{sky}"), 7, 0, 1)
     assert sentences.in_gimps_words(told(refused.value)) == "{sky} is 7; it must be a number between 0 and 1"

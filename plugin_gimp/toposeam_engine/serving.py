@@ -25,6 +25,7 @@ from __future__ import annotations
 
 import hmac
 import json
+import math
 import os
 import queue
 import shutil
@@ -193,9 +194,12 @@ def told(error: BaseException) -> dict[str, Any]:
     data: dict[str, Any] = {}
     for name, value in ours.data.items():
         if isinstance(value, Interval):
-            data |= {"least": f"{value.low:g}", "most": f"{value.high:g}"}
+            ends = {"above" if value.above else "least": value.low, "most": value.high}
+            data |= {end: f"{number:g}" for end, number in ends.items() if math.isfinite(number)}
         elif isinstance(value, Term) and not value.name:
             data["name"] = printable(str(value))
+        elif isinstance(value, tuple):
+            data[name] = printable(", ".join(map(str, value)))
         elif not isinstance(value, Term | TopoSeamError):
             data[name] = printable(str(value))
     message = ours.said(lambda term: "layers" if term.name == "patches" else None)

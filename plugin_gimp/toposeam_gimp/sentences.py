@@ -12,6 +12,8 @@ from typing import Any
 
 from toposeam_gimp.texts import _
 
+_MOST = _("“{parameter}” is {value}; choose a number, {most} at most.")
+
 #: By kind, or by kind and parameter: the sentence, or several, of which the first counts whose gaps can be
 #: filled.
 _SENTENCES = {
@@ -124,6 +126,19 @@ _SENTENCES = {
         _("The overlap does not fit patches of {patch} px; choose from {least} to {most} px."),
     ),
     "whole number patch": (_("The patches are too small; use patches of at least {least} px."),),
+    "whole number": (
+        _("“{parameter}” is {value}; choose a whole number from {least} to {most}."),
+        _("“{parameter}” is {value}; choose a whole number, {least} at least."),
+        _MOST,
+    ),
+    "number": (
+        _("“{parameter}” is {value}; choose a number from {least} to {most}."),
+        _("“{parameter}” is {value}; choose a number above {above}, {most} at most."),
+        _("“{parameter}” is {value}; choose a number, {least} at least."),
+        _("“{parameter}” is {value}; choose a number above {above}."),
+        _MOST,
+    ),
+    "choice": (_("“{parameter}” is {value}; choose one of {allowed}."),),
     "plain": (
         _(
             "The layer has one colour everywhere, so there is nothing to make a texture of; use a "
@@ -177,9 +192,11 @@ def in_gimps_words(error: Mapping[str, Any]) -> str:
     error : mapping
         ``message``, the engine's own sentence; and ``kind``, ``parameter`` and ``data``, a mapping of texts.
     """
-    data = error.get("data") or {}
-    kind = str(error.get("kind"))
-    for key in (f"{kind} {error.get('parameter')}", kind):
+    data = dict(error.get("data") or {})
+    kind, parameter = str(error.get("kind")), error.get("parameter")
+    if parameter is not None:
+        data["parameter"] = parameter
+    for key in (f"{kind} {parameter}", kind):
         for text in _SENTENCES.get(key, ()):
             if all(field in data for _literal, field, _spec, _conversion in Formatter().parse(text) if field):
                 return text.format(**data)

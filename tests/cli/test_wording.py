@@ -105,6 +105,7 @@ def some(folder, photographs):
             "of an edge of more.png the path leaves its ground",
         ),
         ("motif --size 32 --strengths 2,1", "--strengths is"),
+        ("motif --size 32 --palette nope", "--palette 'nope' is not known; choose one of spring"),
         ("loop noise.png", "noise.png holds one frame"),
     ],
 )
@@ -121,6 +122,17 @@ def test_a_drawn_sheet_is_called_by_its_option(toposeam, tmp_path):
     toposeam("motif", "--size", "32", "--sheet", "2x99999", "-o", tmp_path / "o.svg").fails(
         "--sheet is 99999"
     )
+
+
+def test_a_solid_calls_its_rule_by_the_option(toposeam, tmp_path):
+    words = ("motif", "--size", "16", "--depth", "16", "--repeat", "p6")
+    toposeam(*words, "-o", tmp_path / "o.stl").fails("--repeat p6 has no block; use one of")
+
+
+def test_what_a_file_says_is_called_by_its_name_there(toposeam, tmp_path):
+    (tmp_path / "a.toml").write_text("size = 16\npalette = 'nope'\n")
+    ran = toposeam("motif", "--config", tmp_path / "a.toml", "-o", tmp_path / "o.png")
+    ran.fails("Error: palette 'nope' is not known")
 
 
 def test_jobs_of_a_batch_speak_so_too(toposeam, some):

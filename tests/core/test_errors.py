@@ -131,3 +131,14 @@ def test_templates_are_constants_whose_fields_are_data_or_terms():
         fields = {field for _, field, _, _ in string.Formatter().parse(template.value) if field is not None}
         if None not in given:
             assert fields - given <= NOUNS | parameters | {"error"}, place
+
+
+def test_every_error_has_a_kind():
+    plain = []
+    for file in sorted(CORE.rglob("*.py")):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            names = {kind.__name__ for kind in FAMILY}
+            if isinstance(node, ast.Call) and getattr(node.func, "id", "") in names:
+                kinds = [keyword for keyword in node.keywords if keyword.arg == "kind"]
+                plain += [] if kinds else [ast.unparse(node)]
+    assert plain == ["TopoSeamError(str(format_message()))"]  # of click, whose sentence it keeps

@@ -15,7 +15,8 @@ import pytest
 import toposeam
 import toposeam_engine
 import toposeam_gimp
-from toposeam.errors import TopoSeamError
+from toposeam.checks import check_choice, check_number, check_whole
+from toposeam.errors import Term, TopoSeamError
 from toposeam.layers.registration import align
 from toposeam_engine.job import EngineJob
 from toposeam_engine.serving import OPERATIONS, told
@@ -146,6 +147,33 @@ def test_unexpected_errors_name_no_command_line_remedy():
     shown = sentences.in_gimps_words(told(IndexError("index 3 is out of bounds")))
     assert "IndexError: index 3 is out of bounds" in shown
     assert_gimps(shown)
+
+
+@pytest.mark.parametrize(
+    ("check", "arguments", "shown"),
+    [
+        (check_number, (7, 0, 1), "“mass” is 7; choose a number from 0 to 1."),
+        (check_number, (0, 0, 1, "above"), "“mass” is 0; choose a number above 0, 1 at most."),
+        (check_number, (-1, 0), "“mass” is -1; choose a number, 0 at least."),
+        (check_number, ("{x}", 0, np.inf, "above"), "“mass” is {x}; choose a number above 0."),
+        (check_number, (9, -np.inf, 8), "“mass” is 9; choose a number, 8 at most."),
+        (check_number, ("x",), "mass is 'x'; it must be a number"),
+        (check_whole, (2.5, 1, 6), "“mass” is 2.5; choose a whole number from 1 to 6."),
+        (check_whole, (0, 1), "“mass” is 0; choose a whole number, 1 at least."),
+        (check_choice, ("z", ("x", "y")), "“mass” is z; choose one of x, y."),
+    ],
+)
+def test_settings_out_of_range_are_named_with_their_range(check, arguments, shown):
+    *given, last = arguments
+    with pytest.raises(TopoSeamError) as refused:
+        check("mass", *given, above=True) if last == "above" else check("mass", *arguments)
+    assert sentences.in_gimps_words(told(refused.value)) == shown
+
+
+def test_the_engine_says_ranges_of_what_is_no_setting():
+    with pytest.raises(TopoSeamError) as refused:
+        check_number(Term("", "{sky}"), 7, 0, 1)
+    assert sentences.in_gimps_words(told(refused.value)) == "{sky} is 7; it must be a number between 0 and 1"
 
 
 def test_layers_that_repeat_themselves_are_named_in_gimps_words():

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from scipy.ndimage import gaussian_filter1d
 
 from toposeam.checks import Seed, check_items, check_pair, check_whole, check_whole_array, seed_of
-from toposeam.errors import OptionError
+from toposeam.errors import OptionError, Term
 from toposeam.motif.ink.printing import MAX_PATTERN, Inked, checked_size
 from toposeam.motif.ink.sampling import resample
 from toposeam.motif.ink.stroke_edges import EDGES, fineness, printed, shading
@@ -167,26 +167,48 @@ def arrange(
     """
     motifs = check_items("motifs", motifs, Motif, "a sequence of Motifs")
     if not motifs:
-        raise OptionError("there are no motifs to arrange; give at least one")
+        raise OptionError(
+            "there are no motifs to arrange; give at least one",
+            kind="count",
+            parameter=Term("motifs"),
+            count=0,
+        )
     first = motifs[0]
     for other in motifs:
         if other.densities.shape != first.densities.shape or not np.array_equal(other.inks, first.inks):
-            raise OptionError("the motifs differ in size or inks; give motifs that were joined")
-    grid = check_whole_array("the arrangement", arrangement)
+            raise OptionError(
+                "the motifs differ in size or inks; give motifs that were joined",
+                kind="unlike",
+                parameter=Term("motifs"),
+            )
+    grid = check_whole_array(Term("arrangement", "the arrangement"), arrangement)
     if grid.ndim == 1 and grid.shape == (2,):
         if float(grid[0]) * float(grid[1]) > MAX_PATTERN:
             raise OptionError(
-                f"the arrangement would have {grid[0]} × {grid[1]} places; ask for fewer motifs"
+                "the arrangement would have {rows} × {columns} places; ask for fewer motifs",
+                kind="too large",
+                parameter=Term("arrangement"),
+                rows=int(grid[0]),
+                columns=int(grid[1]),
             )
         grid = random_arrangement((int(grid[0]), int(grid[1])), len(motifs), seed=seed, reach=reach)
     if grid.ndim != 2 or grid.size == 0:
         raise OptionError(
-            "the arrangement must be (rows, columns) or a grid of whole numbers, one for each place"
+            "the arrangement must be {allowed}",
+            kind="shape",
+            parameter=Term("arrangement"),
+            value=arrangement,
+            allowed="(rows, columns) or a grid of whole numbers, one for each place",
         )
     if grid.min() < 0 or grid.max() >= len(motifs):
         raise OptionError(
-            f"the arrangement has numbers from {grid.min()} to {grid.max()}; there are motifs 0 to "
-            f"{len(motifs) - 1}"
+            "the arrangement has numbers from {lowest} to {highest}; there are motifs 0 to {last}",
+            kind="choice",
+            parameter=Term("arrangement"),
+            value=arrangement,
+            lowest=int(grid.min()),
+            highest=int(grid.max()),
+            last=len(motifs) - 1,
         )
     if grid.size * first.densities[0].size > MAX_PATTERN:
         raise OptionError(
@@ -246,7 +268,12 @@ def random_arrangement(
     check_whole("motifs", motifs, 1, 2**62)
     if rows * columns > _MOST_PLACES:
         raise OptionError(
-            f"the arrangement would have {rows} × {columns} places; ask for at most {_MOST_PLACES}"
+            "the arrangement would have {rows} × {columns} places; ask for at most {most}",
+            kind="too large",
+            parameter=Term("counts"),
+            rows=rows,
+            columns=columns,
+            most=_MOST_PLACES,
         )
     if reach is not None:
         check_whole("reach", reach, 1)

@@ -106,15 +106,23 @@ def generate_motif(
     if isinstance(source, Recipe):
         if options:
             raise OptionError(
-                f"a recipe decides everything; leave out {', '.join(options)} or change the recipe with "
-                "dataclasses.replace"
+                "a recipe decides everything; leave out {names} or change the recipe with "
+                "dataclasses.replace",
+                kind="conflict",
+                parameter=Term(next(iter(options))),
+                names=tuple(map(Term, options)),
             )
         recipe = source
     else:
         known = list(inspect.signature(random_recipe).parameters)[1:]
         unknown = [name for name in options if name not in known]
         if unknown:
-            raise OptionError(f"{unknown[0]} is not an option of a motif; known are {', '.join(known)}")
+            raise OptionError(
+                "{parameter} is not an option of a motif; known are {allowed}",
+                kind="unknown",
+                parameter=Term(unknown[0]),
+                allowed=tuple(known),
+            )
         recipe = random_recipe(source, **options)
     per_layer = sum(count for _, count in plan(recipe))
     total = per_layer * len(recipe.layers)
@@ -302,7 +310,12 @@ def _inks(choice: str | Palette | npt.ArrayLike | None, layers: int, rng: np.ran
     if isinstance(choice, Palette):
         if len(choice.inks) < layers:
             raise OptionError(
-                f"the palette has {len(choice.inks)} inks for {layers} layers; use fewer layers or more inks"
+                "the palette has {count} inks for {wanted} layers; use fewer layers or more inks",
+                kind="count",
+                parameter=Term("palette"),
+                value=choice,
+                count=len(choice.inks),
+                wanted=layers,
             )
         return choice
     return palette(drawn if choice is None else choice, layers)

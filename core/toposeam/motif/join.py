@@ -130,8 +130,11 @@ def border_mismatch(a: Motif, b: Motif) -> float:
         check_kind(name, motif, Motif, "a Motif")
     if a.densities.shape != b.densities.shape:
         raise OptionError(
-            f"a has densities of shape {a.densities.shape} and b of {b.densities.shape}; compare motifs of "
-            "one size with equally many inks"
+            "a has densities of shape {a!s} and b of {b!s}; compare motifs of one size with equally many "
+            "inks",
+            kind="shape",
+            a=a.densities.shape,
+            b=b.densities.shape,
         )
     across, within = [], []
     for first, second in ((a.densities, b.densities), (b.densities, a.densities)):
@@ -297,16 +300,26 @@ def _check(recipes: Sequence[Recipe], weight: float, stages: int, between: int, 
         )
     if first.size[1] % 2:
         raise OptionError(
-            f"motifs that join need an even width, theirs is {first.size[1]}; use {first.size[1] + 1}"
+            "motifs that join need an even width, theirs is {width}; use {size}",
+            kind="odd size",
+            parameter=Term("size"),
+            value=first.size,
+            width=first.size[1],
+            size=first.size[1] + 1,
         )
     for other in recipes[1:]:
         for name in ("size", "repeat", "paper", "iterations", "move", "filter_radius", "coarse"):
             if getattr(other, name) != getattr(first, name):
                 raise OptionError(
-                    f"the recipes differ in {name} ({getattr(first, name)} and {getattr(other, name)}); give "
-                    "all the same"
+                    "the recipes differ in {parameter} ({first!s} and {value!s}); give all the same",
+                    kind="unlike",
+                    parameter=Term(name),
+                    value=getattr(other, name),
+                    first=getattr(first, name),
                 )
         if [part.ink for part in other.layers] != [part.ink for part in first.layers]:
             raise OptionError(
-                "the recipes differ in their inks; give all the same palette and number of layers"
+                "the recipes differ in their inks; give all the same palette and number of layers",
+                kind="unlike",
+                parameter=Term("layers"),
             )

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from scipy import ndimage
 
 from toposeam.colours import LUMA
-from toposeam.errors import ImageError
+from toposeam.errors import ImageError, Term
 from toposeam.images import as_float
 
 Floats = npt.NDArray[np.float64]
@@ -107,7 +107,11 @@ def measure(image: npt.ArrayLike, base: npt.ArrayLike | None = None) -> Characte
         other = _brightness(as_float(base, "base"))
         if other.shape != brightness.shape:
             raise ImageError(
-                f"base has shape {other.shape}, the motif {brightness.shape}; resize it to the motif's size"
+                "{parameter} has shape {shape!s}, the motif {wanted!s}; resize it to the motif's size",
+                kind="shape",
+                parameter=Term("base"),
+                shape=other.shape,
+                wanted=brightness.shape,
             )
         blurred = ndimage.gaussian_filter(brightness, _BLUR * min(height, width), mode="wrap")
         likeness = _overlap(_dark(blurred), _dark(other))

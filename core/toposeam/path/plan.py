@@ -13,7 +13,7 @@ import numpy.typing as npt
 from scipy import ndimage
 
 from toposeam.checks import check_function, check_kind, check_numbers, options_from
-from toposeam.errors import ImageError, OptionError, PathError
+from toposeam.errors import ImageError, OptionError, PathError, Term
 from toposeam.heat.threads import one_thread
 from toposeam.path.gather import PathIteration, PathKeywords, PathOptions
 from toposeam.path.levels import lead
@@ -158,17 +158,38 @@ def plan_path(
     )
     for name, found in (("source", starts), ("sink", ends)):
         if not found:
-            raise OptionError(f"there is no {name}; give at least one point")
+            raise OptionError(
+                "there is no {point}; give at least one point",
+                kind="count",
+                parameter=Term(f"{name}s"),
+                point=name,
+                count=0,
+            )
     if set(starts) & set(ends):
-        raise OptionError("a source and a sink lie on the same pixel; move one of them")
+        raise OptionError(
+            "a source and a sink lie on the same pixel; move one of them",
+            kind="same place",
+            parameter=Term("sinks"),
+            value=sinks,
+        )
     if between and (len(starts) > 1 or len(ends) > 1):
         raise OptionError(
-            f"stopovers lie between one source and one sink, not {len(starts)} and {len(ends)}; plan those "
-            "ways one by one"
+            "stopovers lie between one source and one sink, not {sources} and {sinks}; plan those ways one "
+            "by one",
+            kind="conflict",
+            parameter=Term("stopovers"),
+            value=stopovers,
+            sources=len(starts),
+            sinks=len(ends),
         )
     stops = [starts, *([stop] for stop in between), ends]
     if any(len(a) == len(b) == 1 and a == b for a, b in pairwise(stops)):
-        raise OptionError("two stopovers that follow each other lie on the same pixel; leave one out")
+        raise OptionError(
+            "two stopovers that follow each other lie on the same pixel; leave one out",
+            kind="same place",
+            parameter=Term("stopovers"),
+            value=stopovers,
+        )
     _check_connected(cost, stops)
     density = np.zeros(cost.shape)
     history: list[PathIteration] = []
@@ -230,45 +251,82 @@ def _ground(ground: tuple[int, int] | npt.ArrayLike, obstacles: npt.ArrayLike | 
     if cost.shape == (2,) and (cost >= 1).all() and (cost == np.rint(cost)).all():
         if cost[0] * cost[1] > MAX_PIXELS:
             raise OptionError(
-                f"a ground of {cost[1]:g} × {cost[0]:g} px is too large; give at most {MAX_PIXELS / 1e6:g} "
-                "megapixels, with coarser pixels"
+                "a ground of {width:g} × {height:g} px is too large; give at most {most:g} megapixels, with "
+                "coarser pixels",
+                kind="too large",
+                parameter=Term("ground"),
+                width=float(cost[1]),
+                height=float(cost[0]),
+                most=MAX_PIXELS / 1e6,
             )
         cost = np.ones((int(cost[0]), int(cost[1])))
     if cost.ndim != 2 or min(cost.shape) < 2:
         raise ImageError(
-            f"the ground has shape {cost.shape}; give height and width, or an (H, W) array of at least 2 × 2 "
-            "costs"
+            "the ground has shape {shape!s}; give {allowed}",
+            kind="shape",
+            parameter=Term("ground"),
+            shape=cost.shape,
+            allowed="height and width, or an (H, W) array of at least 2 × 2 costs",
         )
     if np.isnan(cost).any() or not (cost > 0).all():
         raise ImageError(
             "the ground has costs that are not positive; give every pixel a cost above 0, and infinity to "
-            "obstacles"
+            "obstacles",
+            kind="number",
+            parameter=Term("ground"),
         )
     if obstacles is None:
         return cost
     mask = check_numbers("obstacles", obstacles)
     if mask.shape != cost.shape:
         raise ImageError(
-            f"obstacles has shape {mask.shape}, the ground {cost.shape}; pass one value per pixel"
+            "{parameter} has shape {shape!s}, the ground {wanted!s}; pass one value per pixel",
+            kind="shape",
+            parameter=Term("obstacles"),
+            shape=mask.shape,
+            wanted=cost.shape,
         )
     return np.where(mask != 0, np.inf, cost)
 
 
 def _pixels(points: Point | Sequence[Point], cost: Floats, name: str) -> list[tuple[int, int]]:
     """(row, column) of each point."""
-    given = check_numbers(name, points)
+    parameter = Term(f"{name}s", name)
+    given = check_numbers(parameter, points)
     if given.size % 2 or given.ndim not in (1, 2) or given.shape[-1] not in (0, 2):
-        raise OptionError(f"the {name} is of shape {given.shape}; give each point its x and y")
+        raise OptionError(
+            "the {point} is of shape {shape!s}; give each point its x and y",
+            kind="shape",
+            parameter=parameter,
+            value=points,
+            point=name,
+            shape=given.shape,
+        )
     given = given.reshape(-1, 2)
     found = []
     for x, y in given.tolist():
         if not (0 <= x < cost.shape[1] and 0 <= y < cost.shape[0]):
             raise OptionError(
-                f"the {name} ({x:g}, {y:g}) lies outside the ground of {cost.shape[1]} × {cost.shape[0]} px; "
-                "move it inside"
+                "the {point} ({x:g}, {y:g}) lies outside the ground of {width} × {height} px; move it inside",
+                kind="outside",
+                parameter=parameter,
+                value=(x, y),
+                point=name,
+                x=x,
+                y=y,
+                width=cost.shape[1],
+                height=cost.shape[0],
             )
         if np.isinf(cost[int(y), int(x)]):
-            raise OptionError(f"the {name} ({x:g}, {y:g}) lies on an obstacle; move it")
+            raise OptionError(
+                "the {point} ({x:g}, {y:g}) lies on an obstacle; move it",
+                kind="on obstacle",
+                parameter=parameter,
+                value=(x, y),
+                point=name,
+                x=x,
+                y=y,
+            )
         found.append((int(y), int(x)))
     return found
 
@@ -279,6 +337,8 @@ def _check_connected(cost: Floats, stops: list[list[tuple[int, int]]]) -> None:
     for point in (point for stop in stops[:-1] for point in stop):
         if int(label[point]) not in reached:
             raise PathError(
-                f"obstacles part the point ({point[1]}, {point[0]}) from every sink; open a way at least one "
-                "pixel wide"
+                "obstacles part the point ({x}, {y}) from every sink; open a way at least one pixel wide",
+                kind="no way",
+                x=point[1],
+                y=point[0],
             )

@@ -22,7 +22,7 @@ import numpy.typing as npt
 from scipy import ndimage
 
 from toposeam.checks import check_function, check_kind, check_range, check_whole
-from toposeam.errors import OptionError
+from toposeam.errors import OptionError, Term
 from toposeam.heat.block import Block
 from toposeam.heat.conjugate import Floats
 from toposeam.heat.threads import one_thread
@@ -153,16 +153,37 @@ def generate_solid(recipe: Recipe, depth: int, *, progress: Callable[[float], No
     check_kind("recipe", recipe, Recipe, "a Recipe")
     check_whole("depth", depth, _LEAST)
     if len(recipe.layers) != 1:
-        raise OptionError(f"the recipe has {len(recipe.layers)} layers; a solid is of one material, give one")
+        raise OptionError(
+            "the recipe has {count} layers; a solid is of one material, give one",
+            kind="count",
+            parameter=Term("layers"),
+            count=len(recipe.layers),
+        )
     if recipe.repeat not in REPEATS:
-        raise OptionError(f"repeat {recipe.repeat} has no block; use one of {', '.join(REPEATS)}")
+        raise OptionError(
+            "{parameter} {value} has no block; use one of {allowed}",
+            kind="choice",
+            parameter=Term("repeat"),
+            value=recipe.repeat,
+            allowed=tuple(REPEATS),
+        )
     if recipe.base:
-        raise OptionError("a solid knows no base image; leave it out")
+        raise OptionError(
+            "a solid knows no base image; leave it out", kind="conflict", parameter=Term("base")
+        )
     shape = (depth, *recipe.size)
     if math.prod(shape) > _MOST or min(shape) < _LEAST:
         raise OptionError(
-            f"the block has {shape[2]} × {shape[1]} × {shape[0]} cubes; give sides from {_LEAST}, and "
-            f"{_MOST:,} cubes at most"
+            "the block has {width} × {height} × {depth} cubes; give sides from {least}, and {most:,} cubes "
+            "at most",
+            kind="shape",
+            parameter=Term("depth"),
+            value=depth,
+            width=shape[2],
+            height=shape[1],
+            depth=depth,
+            least=_LEAST,
+            most=_MOST,
         )
     with one_thread():
         return _optimised(recipe, shape, progress)

@@ -58,7 +58,7 @@ def _dask() -> Any:
         import dask.array
     except ImportError as error:
         raise MissingPackageError(
-            "joining by blocks needs dask; install it with: pip install 'dask[array]'"
+            "joining by blocks needs dask; install it with: pip install 'dask[array]'", kind="no dask"
         ) from error
     return dask.array
 
@@ -137,7 +137,10 @@ def labels_by_blocks(
     if not {A, B} <= set(ground.values()):
         raise OverlapError(
             "one stack does not reach beyond the other, which blocks cannot decide; join NumPy arrays, "
-            "without block"
+            "without block",
+            kind="inside",
+            parameter=Term("block"),
+            value=block,
         )
     box = places.overlap
     one, other = a[places.inside(box, "a")], b[places.inside(box, "b")]

@@ -125,7 +125,14 @@ def find_surface(
             value=axis,
         )
     if method != "heat" and (options is not None or given):
-        raise OptionError(f"method {method} takes no options; leave {', '.join(given) or 'options'} out")
+        unwanted = list(given) or ["options"]
+        raise OptionError(
+            "{method} takes no options; leave {names} out",
+            kind="conflict",
+            parameter=Term(unwanted[0]),
+            method=Term("method", f"method {method}", value=method),
+            names=tuple(map(Term, unwanted)),
+        )
     chosen = options_from(SurfaceOptions, options, given, f"method {method}")
     where = 0 if axis is None else axis
     problem, only_b = surface_problem(

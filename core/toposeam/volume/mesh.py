@@ -140,7 +140,9 @@ def mesh_of(
             values, 0.5, spacing=tuple(spacing), mask=within
         )
     except (ValueError, RuntimeError) as error:
-        raise OverlapError("there is no surface inside the overlap to make a mesh of") from error
+        raise OverlapError(
+            "there is no surface inside the overlap to make a mesh of", kind="no surface"
+        ) from error
     shift = np.asarray(start) * np.asarray(spacing)
     return Mesh((vertices + shift).astype(np.float32), faces.astype(np.int32))
 
@@ -163,7 +165,7 @@ def closed_mesh(field: npt.NDArray[np.floating], element: float) -> Mesh:
     from skimage.measure import marching_cubes
 
     if not (field > 0).any():
-        raise OverlapError("nothing solid is left to make a mesh of; ask for more mass")
+        raise OverlapError("nothing solid is left to make a mesh of; ask for more mass", kind="no surface")
     around = np.pad(field, 1, mode="edge")
     inside = np.zeros(around.shape, bool)
     inside[1:-1, 1:-1, 1:-1] = True

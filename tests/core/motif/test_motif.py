@@ -129,6 +129,24 @@ def test_named_palettes_and_those_of_pictures():
     )
 
 
+@pytest.mark.parametrize(
+    ("options", "kind", "parameter", "value"),
+    [
+        ({"palette": "{mauve}"}, "choice", "palette", "{mauve}"),
+        ({"layers": 3, "palette": "one ink"}, "count", "palette", "one ink"),
+        ({"sources": "{many}"}, "type", "sources", "{many}"),
+        ({"sources": [(0.5, 2.0)]}, "number", "sources", (0.5, 2.0, 1.0)),
+        ({"sinks": [(0.5, 0.5, 0)]}, "no sink", "sinks", ((0.5, 0.5, 0.0),)),
+        ({"{colour}": "red"}, "unknown", "{colour}", None),
+    ],
+)
+def test_what_makes_no_motif_is_told_as_data(options, kind, parameter, value, monkeypatch):
+    monkeypatch.setitem(ts.motif.PALETTES, "one ink", ("#ffffff", "#000000"))
+    with pytest.raises(ts.OptionError) as raised:
+        ts.generate_motif(16, **options)
+    assert (raised.value.kind, raised.value.parameter, raised.value.value) == (kind, parameter, value)
+
+
 @pytest.mark.parametrize("name", ts.motif.PALETTES)
 def test_palettes_have_inks_for_as_many_layers_as_there_are(name):
     six, all_of_them = ts.motif.palette(name, 6).inks, ts.motif.palette(name, 16).inks

@@ -269,3 +269,24 @@ def test_bad_input(changes, error, phrase):
     given = {"ground": (40, 40), "sources": (5, 5), "sinks": (20, 20), "obstacles": obstacles} | changes
     with pytest.raises(error, match=phrase):
         ts.plan_path(**given)
+
+
+@pytest.mark.parametrize(
+    ("changes", "kind", "parameter", "value"),
+    [
+        ({"sources": (60, 5)}, "outside", "sources", (60, 5)),
+        ({"sinks": (30, 10)}, "on obstacle", "sinks", (30, 10)),
+        ({"sinks": []}, "count", "sinks", None),
+        ({"stopovers": [(5, 5)]}, "same place", "stopovers", [(5, 5)]),
+        ({"sinks": "{here}"}, "type", "sinks", "{here}"),
+        ({"ground": (40, 41)}, "shape", "obstacles", None),
+        ({"sources": (35, 30)}, "no way", None, None),
+    ],
+)
+def test_what_leads_nowhere_is_told_as_data(changes, kind, parameter, value):
+    obstacles = np.zeros((40, 40), bool)
+    obstacles[:, 30:33] = True
+    given = {"ground": (40, 40), "sources": (5, 5), "sinks": (20, 20), "obstacles": obstacles} | changes
+    with pytest.raises(ts.TopoSeamError) as raised:
+        ts.plan_path(**given)
+    assert (raised.value.kind, raised.value.parameter, raised.value.value) == (kind, parameter, value)

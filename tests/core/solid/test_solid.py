@@ -125,6 +125,21 @@ def test_what_makes_no_solid_is_said_in_one_sentence():
         closed_mesh(np.zeros((4, 4, 4)), 1.0)
 
 
+@pytest.mark.parametrize(
+    ("given", "depth", "kind", "parameter", "value"),
+    [
+        ({"layers": 2}, 16, "count", "layers", None),
+        ({"repeat": "p6"}, 16, "choice", "repeat", "p6"),
+        ({"base": np.eye(8)}, 16, "conflict", "base", None),
+        ({}, 10**6, "shape", "depth", 10**6),
+    ],
+)
+def test_what_makes_no_solid_is_told_as_data(given, depth, kind, parameter, value):
+    with pytest.raises(ts.OptionError) as raised:
+        ts.solid.generate_solid(recipe(**given), depth)
+    assert (raised.value.kind, raised.value.parameter, raised.value.value) == (kind, parameter, value)
+
+
 def test_a_spot_is_a_ball_whose_surface_is_half_within():
     points, shape = ((0.5, 0.5, 1.0),), (21, 21, 21)
     field = _spots(points, np.array([0.5]), shape)

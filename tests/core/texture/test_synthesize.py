@@ -274,6 +274,37 @@ def test_several_exemplars_all_take_part(sample):
         made.apply([first, second.astype(np.float32)])
 
 
+@pytest.mark.parametrize(
+    ("call", "kind", "parameter", "value"),
+    [
+        (lambda source: ts.synthesize(source, 100, variation=0.2, most=2), "conflict", "variation", 0.2),
+        (lambda source: ts.synthesize(source, (8, 40), patch=16, tileable=True), "small texture", "size", 8),
+        (
+            lambda source: ts.texture.apply_coordinates(source, np.full((3, 3, 2), 99)),
+            "outside",
+            "source",
+            None,
+        ),
+        (
+            lambda source: ts.texture.apply_coordinates(source, np.zeros((3, 3), int)),
+            "shape",
+            "source",
+            None,
+        ),
+        (
+            lambda source: ts.texture.apply_coordinates([source, source / 255], np.zeros((3, 3, 2), int)),
+            "unlike",
+            "images",
+            None,
+        ),
+    ],
+)
+def test_what_makes_no_texture_is_told_as_data(sample, call, kind, parameter, value):
+    with pytest.raises(ts.TopoSeamError) as raised:
+        call(sample(10, (60, 60)))
+    assert (raised.value.kind, raised.value.parameter, raised.value.value) == (kind, parameter, value)
+
+
 def test_only_what_the_mask_allows_is_sampled(sample):
     source = sample(11, (80, 80))
     yy, xx = np.mgrid[:80, :80]

@@ -245,6 +245,22 @@ def test_bad_input_is_one_sentence(change, text):
         ts.find_surface(a, b, **arguments)
 
 
+@pytest.mark.parametrize(
+    ("call", "kind", "parameter", "value"),
+    [
+        (lambda v: ts.find_surface(v, v, method="graph-cut", tolerance=0.1), "conflict", "tolerance", None),
+        (lambda v: ts.find_surface(v[:1], v[:1]), "narrow", None, None),
+        (lambda v: ts.loop(v[:3]), "count", "frames", None),
+        (lambda v: ts.loop(v, grow=20, length=5), "conflict", "grow", 20),
+        (lambda v: ts.loop(v, still=np.ones(v.shape[1:])), "nothing moves", "still", None),
+    ],
+)
+def test_what_has_no_surface_is_told_as_data(call, kind, parameter, value):
+    with pytest.raises(ts.TopoSeamError) as raised:
+        call(np.random.default_rng(0).random((6, 8, 8)))
+    assert (raised.value.kind, raised.value.parameter, raised.value.value) == (kind, parameter, value)
+
+
 def test_volumes_that_do_not_meet_have_no_surface():
     on_a, on_b = np.zeros((2, 6, 6, 6), bool)
     on_a[:3], on_b[3:] = True, True

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from toposeam.checks import check_whole
 from toposeam.colours import LUMA, parse_colour, to_hex
-from toposeam.errors import OptionError
+from toposeam.errors import OptionError, Term
 from toposeam.heat.threads import one_thread
 from toposeam.images import as_float
 
@@ -79,14 +79,26 @@ def palette(source: str | npt.ArrayLike, n: int) -> Palette:
     n = check_whole("n", n, 1)
     if isinstance(source, str):
         if source not in PALETTES:
-            raise OptionError(f"palette {source!r} is not known; choose one of {', '.join(PALETTES)}")
+            raise OptionError(
+                "{parameter} {given} is not known; choose one of {allowed}",
+                kind="choice",
+                parameter=Term("palette"),
+                value=source,
+                given=repr(source),
+                allowed=tuple(PALETTES),
+            )
         paper, *inks = [np.array(parse_colour(text)) for text in PALETTES[source]]
         if n > len(inks):
             inks += _mixed(paper, inks, n - len(inks))
         if n > len(inks):
             raise OptionError(
-                f"palette {source} has {len(inks)} inks with their mixtures, {n} were asked for; use fewer "
-                "layers or give the inks"
+                "{parameter} {value} has {count} inks with their mixtures, {wanted} were asked for; use "
+                "fewer layers or give the inks",
+                kind="count",
+                parameter=Term("palette"),
+                value=source,
+                count=len(inks),
+                wanted=n,
             )
         return Palette(paper=paper, inks=np.array(inks[:n]))
     return _from_picture(source, n)
@@ -114,8 +126,13 @@ def _from_picture(source: npt.ArrayLike, n: int) -> Palette:
     distinct = np.unique(np.round(pixels * 31), axis=0)
     if len(distinct) < n + 1:
         raise OptionError(
-            f"the palette's picture has {len(distinct)} colours, {n + 1} are needed (paper and {n} inks); "
-            "use fewer layers"
+            "the palette's picture has {count} colours, {least} are needed (paper and {wanted} inks); use "
+            "fewer layers",
+            kind="count",
+            parameter=Term("palette"),
+            count=len(distinct),
+            least=n + 1,
+            wanted=n,
         )
     centres, sizes = _cluster(pixels, n + 1)
     lightest = int(np.argmax(centres @ LUMA))

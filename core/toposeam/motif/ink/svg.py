@@ -206,8 +206,10 @@ def draw_svg(
     document = "\n".join([*lines, "</svg>", ""])
     if len(document) > LARGEST_CHARACTERS:
         raise OptionError(
-            f"the drawing would take {len(document) / 1e6:.0f} MB, more than editors open; use fewer levels "
-            "or a smaller size"
+            "the drawing would take {megabytes:.0f} MB, more than editors open; use fewer levels or a "
+            "smaller size",
+            kind="too large",
+            megabytes=len(document) / 1e6,
         )
     return document
 

@@ -68,7 +68,13 @@ def spots(
     except (TypeError, ValueError):
         array = np.zeros(0)
     if array.ndim != 2 or array.shape[1] not in (2, 3) or len(array) == 0:
-        raise OptionError(f"{name} must be a number or a list of (x, y) or (x, y, strength), one at least")
+        raise OptionError(
+            "{parameter} must be {allowed}",
+            kind="type",
+            parameter=Term(name),
+            value=count,
+            allowed="a number or a list of (x, y) or (x, y, strength), one at least",
+        )
     if array.shape[1] == 2:
         array = np.column_stack([array, np.ones(len(array))])
     return tuple((float(x), float(y), float(s)) for x, y, s in array)

@@ -86,25 +86,49 @@ class LayerRecipe:
         check_range(1, 10, penalty=self.penalty)  # 1 is ink wash
         check_choice("edge", self.edge, EDGES)
         if not isinstance(self.name, str) or len(self.name) > 100 or not self.name.isprintable():
-            raise OptionError(f"the ink's name is {self.name!r}; use up to 100 printable characters")
+            raise OptionError(
+                "the ink's name is {given}; use {allowed}",
+                kind="type",
+                parameter=Term("name"),
+                value=self.name,
+                given=repr(self.name),
+                allowed="up to 100 printable characters",
+            )
         if not any(s > 0 for *_, s in self.sources) and self.ambient == 0:
             raise OptionError(
-                "a layer has no heat source; give at least one source a strength above 0, or set ambient "
-                "above 0"
+                "a layer has no heat source; give at least one source a strength above 0, or set {ambient} "
+                "above 0",
+                kind="no source",
+                parameter=Term("sources"),
+                value=self.sources,
             )
         if not any(s > 0 for *_, s in self.sinks):
-            raise OptionError("a layer has no heat sink; give at least one sink a strength above 0")
+            raise OptionError(
+                "a layer has no heat sink; give at least one sink a strength above 0",
+                kind="no sink",
+                parameter=Term("sinks"),
+                value=self.sinks,
+            )
         for name in ("sources", "sinks"):
             for x, y, strength in getattr(self, name):
                 if not (0 <= x <= 1 and 0 <= y <= 1 and strength >= 0):
                     raise OptionError(
-                        f"{name} has ({x:g}, {y:g}, {strength:g}); x and y must lie in 0 to 1 and strengths "
-                        "not be negative"
+                        "{parameter} has ({x:g}, {y:g}, {strength:g}); x and y must lie in 0 to 1 and "
+                        "strengths not be negative",
+                        kind="number",
+                        parameter=Term(name),
+                        value=(x, y, strength),
+                        x=x,
+                        y=y,
+                        strength=strength,
                     )
         places = {(x, y) for x, y, s in (*self.sources, *self.sinks) if s > 0}
         if self.ambient == 0 and len(places) < 2:
             raise OptionError(
-                "a layer's sources and sinks all lie on one point, so no heat flows; move them apart"
+                "a layer's sources and sinks all lie on one point, so no heat flows; move them apart",
+                kind="same place",
+                parameter=Term("sources"),
+                value=self.sources,
             )
 
 
@@ -167,14 +191,22 @@ class Recipe:
                 value=self.paper,
             )
         if not self.layers:
-            raise OptionError("the recipe has no layers; give at least one")
+            raise OptionError(
+                "the recipe has no layers; give at least one", kind="count", parameter=Term("layers"), count=0
+            )
         check_whole("iterations", self.iterations, 1, 10_000)
         check_range(0, 1, above=True, move=self.move)
         check_range(0, 10, filter_radius=self.filter_radius)  # hundredths of the cell
         check_range(-1, 1, base_strength=self.base_strength)
         check_choice("base_law", self.base_law, LAWS)
         if not isinstance(self.coarse, bool) or not isinstance(self.base, str):
-            raise OptionError("coarse must be True or False, and base the text of pack_base, or empty")
+            name = "base" if isinstance(self.coarse, bool) else "coarse"
+            raise OptionError(
+                "coarse must be True or False, and base the text of pack_base, or empty",
+                kind="type",
+                parameter=Term(name),
+                value=getattr(self, name),
+            )
         if self.base:
             unpack_base(self.base)
 
@@ -203,7 +235,9 @@ class Recipe:
             if isinstance(error, OptionError):
                 raise
             raise OptionError(
-                f"the recipe cannot be read ({error}); compare it with one that toposeam wrote"
+                "the recipe cannot be read ({reason}); compare it with one that toposeam wrote",
+                kind="unreadable",
+                reason=str(error),
             ) from error
 
 
@@ -212,7 +246,11 @@ def _build(kind: type[Kind], values: Mapping[str, Any]) -> Kind:
     unknown = [name for name in values if name not in known]
     if unknown:
         raise OptionError(
-            f"the recipe has an unknown entry {unknown[0]!r}; known are {', '.join(sorted(known))}"
+            "the recipe has an unknown entry {given}; known are {allowed}",
+            kind="unknown",
+            parameter=Term(unknown[0]),
+            given=repr(unknown[0]),
+            allowed=tuple(sorted(known)),
         )
     return kind(**values)
 
@@ -231,7 +269,14 @@ def _numbers(values: Any, count: int, name: str) -> tuple[float, ...]:
     except (TypeError, ValueError):
         result = ()
     if len(result) != count or not all(math.isfinite(value) for value in result):
-        raise OptionError(f"{name} has {values!r}; give {count} numbers")
+        raise OptionError(
+            "{parameter} has {given}; give {count} numbers",
+            kind="number",
+            parameter=Term(name),
+            value=values,
+            given=repr(values),
+            count=count,
+        )
     return result
 
 
@@ -278,4 +323,9 @@ def unpack_base(text: str) -> npt.NDArray[np.float32]:
         raw = zlib.decompressobj().decompress(base64.b85decode(data), rows * columns + 1)
         return np.frombuffer(raw, np.uint8).reshape(rows, columns).astype(np.float32) / np.float32(255)
     except (ValueError, zlib.error, binascii.Error) as error:
-        raise OptionError("the recipe's base image is damaged; give the picture again") from error
+        raise OptionError(
+            "the recipe's base image is damaged; give the picture again",
+            kind="unreadable",
+            parameter=Term("base"),
+            value=text,
+        ) from error

@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from toposeam.checks import check_pair
 from toposeam.colours import LUMA
-from toposeam.errors import ImageError
+from toposeam.errors import ImageError, Term
 from toposeam.images import as_float
 
 Floats = npt.NDArray[np.float64]
@@ -68,8 +68,15 @@ def border_visibility(pattern: npt.ArrayLike, cell: tuple[int, int]) -> float:
     rows, columns = check_pair("cell", cell, 8)
     if values.shape[0] % rows or values.shape[1] % columns:
         raise ImageError(
-            f"the pattern has {values.shape[0]} × {values.shape[1]} px, which is no whole number of cells of "
-            f"{rows} × {columns}; give whole cells"
+            "the pattern has {height} × {width} px, which is no whole number of cells of {rows} × {columns}; "
+            "give whole cells",
+            kind="shape",
+            parameter=Term("cell"),
+            value=cell,
+            height=values.shape[0],
+            width=values.shape[1],
+            rows=rows,
+            columns=columns,
         )
     luminance = values[..., 0] if values.shape[2] < 3 else values[..., :3] @ LUMA
     return max(line_visibility(luminance, rows), line_visibility(luminance.T, columns))

@@ -159,8 +159,13 @@ class Synthesis(PictureResult):
         for image, (height, width) in zip(found, self.atlas.shapes.tolist(), strict=True):
             if image.shape[:2] != (height, width):
                 raise ImageError(
-                    f"an image has shape {image.shape}, but its exemplar is {width} × {height} px; scale it "
-                    "to that size"
+                    "an image has shape {shape!s}, but its exemplar is {width} × {height} px; scale it to "
+                    "that size",
+                    kind="other size",
+                    parameter=Term("images"),
+                    shape=image.shape,
+                    width=width,
+                    height=height,
                 )
         deep = [image[..., np.newaxis] if image.ndim == 2 else image for image in found]
         made = self._render(deep, reach)
@@ -218,11 +223,21 @@ def apply_coordinates(
     wraps, smooth = wraps_of(tileable), check_whole("smooth", smooth, 0, MAX_SMOOTH)
     place = check_whole_array("source", source)
     if place.ndim != 3 or place.shape[2] != 2:
-        raise ImageError(f"source has shape {place.shape}; pass (H, W, 2) whole numbers, row and column")
+        raise ImageError(
+            "source has shape {shape!s}; pass {allowed}",
+            kind="shape",
+            parameter=Term("source"),
+            shape=place.shape,
+            allowed="(H, W, 2) whole numbers, row and column",
+        )
     number = check_whole_array("exemplar", 0 * place[..., 0] if exemplar is None else exemplar)
     if number.shape != place.shape[:2]:
         raise ImageError(
-            f"exemplar has shape {number.shape}, the coordinates {place.shape[:2]}; pass one value per pixel"
+            "exemplar has shape {shape!s}, the coordinates {wanted!s}; pass one value per pixel",
+            kind="shape",
+            parameter=Term("exemplar"),
+            shape=number.shape,
+            wanted=place.shape[:2],
         )
     check_choice("turns", turns, TURNS)
     images = widened(images)
@@ -232,8 +247,11 @@ def apply_coordinates(
     if number.min() < 0 or number.max() >= len(found) or (place < 0).any() or (place >= shapes[number]).any():
         sizes = ", ".join(f"{width} × {height}" for height, width in shapes.tolist())
         raise ImageError(
-            f"the coordinates point beyond the pictures ({sizes} px); give pictures of the size of those "
-            "they were made with"
+            "the coordinates point beyond the pictures ({sizes} px); give pictures of the size of those they "
+            "were made with",
+            kind="outside",
+            parameter=Term("source"),
+            sizes=sizes,
         )
     atlas = Atlas.of([np.ones(image.shape[:2], bool) for image in found], 2)
     deep = [image[..., np.newaxis] if image.ndim == 2 else image for image in found]
@@ -258,5 +276,9 @@ def _of_one_kind(images: Images, count: int) -> list[npt.NDArray[Any]]:
     """Read one array per exemplar, alike in dtype and channels."""
     found = [as_array(image, "an image") for image in as_list(images, count, "images")]
     if len({(image.dtype, image.shape[2:]) for image in found}) > 1:
-        raise ImageError("the images differ in dtype or channels; convert them to one")
+        raise ImageError(
+            "the images differ in dtype or channels; convert them to one",
+            kind="unlike",
+            parameter=Term("images"),
+        )
     return found

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.checks import Seed, check_items, check_whole, options_from, seed_of
-from toposeam.errors import OptionError
+from toposeam.errors import OptionError, Term
 from toposeam.texture.canvas.rendering import MAX_SMOOTH
 from toposeam.texture.canvas.tileable import Tileable, wraps_of
 from toposeam.texture.exemplar.sources import DataRange, Images, Sources, read_sources, white_of
@@ -70,8 +70,12 @@ class TextureRequest:
             refused = sorted(set(VARIED) & set(given))
             if options is not None or refused:
                 raise OptionError(
-                    f"variation stands for {', '.join(VARIED)}; leave out {', '.join(refused) or 'options'}, "
-                    "or variation"
+                    "{parameter} stands for {names}; leave out {refused}, or {parameter}",
+                    kind="conflict",
+                    parameter=Term("variation"),
+                    value=variation,
+                    names=tuple(map(Term, VARIED)),
+                    refused=tuple(map(Term, refused or ["options"])),
                 )
             chosen = varied(chosen, variation)
         return cls(

@@ -158,7 +158,8 @@ class Crew:
             except (EOFError, ConnectionError) as error:
                 raise SolverError(
                     "a process that worked on the texture was killed, as happens when memory runs out; use "
-                    "fewer of them"
+                    "fewer of them",
+                    kind="killed",
                 ) from error
             if not succeeded:
                 raise answer[1]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from toposeam.errors import OptionError
+from toposeam.errors import OptionError, Term
 from toposeam.texture.canvas.index_canvas import IndexCanvas
 from toposeam.texture.placement.patch_placer import PatchPlacer
 from toposeam.texture.scheduling.process_pool import Crew
@@ -88,7 +88,11 @@ def patches_along(length: int, patch: int, overlap: int, wraps: bool) -> tuple[i
         return patch, [round(k * (length - patch) / (count - 1)) for k in range(count)]
     if length < SMALLEST_TILE:
         raise OptionError(
-            f"a side of the texture is {length} px; a texture that repeats needs at least {SMALLEST_TILE} px"
+            "a side of the texture is {value} px; a texture that repeats needs at least {least} px",
+            kind="small texture",
+            parameter=Term("size"),
+            value=length,
+            least=SMALLEST_TILE,
         )
     if length <= patch:
         patch = max(2 * length // 3, length // 2 + 2)

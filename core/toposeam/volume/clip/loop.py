@@ -178,20 +178,40 @@ def loop(
     flat = np.ndim(frames) == 3
     count = len(clip)
     if count < 4:
-        raise ImageError(f"the clip has {counted(count, 'frame')}; a loop needs at least 4")
+        raise ImageError(
+            "the clip has {frames}; a loop needs at least {least}",
+            kind="count",
+            parameter=Term("frames"),
+            frames=counted(count, "frame"),
+            count=count,
+            least=4,
+        )
     if count > _MOST_FRAMES:
         raise ImageError(
-            f"the clip has {count} frames, of which every one is compared with every other; cut it, or take "
-            f"fewer frames a second, so that at most {_MOST_FRAMES} are left"
+            "the clip has {count} frames, of which every one is compared with every other; cut it, or take "
+            "fewer frames a second, so that at most {most} are left",
+            kind="count",
+            parameter=Term("frames"),
+            count=count,
+            most=_MOST_FRAMES,
         )
     check_choice("level", level, (True, False, None))
     if grow is not None and (length is not None or start is not None):
-        raise OptionError("grow decides where the clip is left and entered; leave length and start out")
+        raise OptionError(
+            "{parameter} decides where the clip is left and entered; leave {length} and {start} out",
+            kind="conflict",
+            parameter=Term("grow"),
+            value=grow,
+        )
     moving = np.ones(clip.shape[1:3], bool)
     if still is not None:
         moving = ~as_mask(still, (clip.shape[1], clip.shape[2]), "still")
         if not moving.any():
-            raise OptionError("still covers the whole picture; leave something that moves")
+            raise OptionError(
+                "{parameter} covers the whole picture; leave something that moves",
+                kind="nothing moves",
+                parameter=Term("still"),
+            )
     transition = _transition(transition, count, length)
     if cost is not None:
         check_kind("cost", cost, MatchCost, "a MatchCost")

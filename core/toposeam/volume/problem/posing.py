@@ -90,8 +90,11 @@ def end_to_end(shape: tuple[int, ...], axis: int) -> Overlap:
     check_choice("axis", axis, AXES)
     if shape[axis] < 2:
         raise OverlapError(
-            f"the overlap is {shape[axis]} voxel long along axis {axis}; a surface needs at least 2 between "
-            "the two volumes"
+            "the overlap is {count} voxel long along axis {axis}; a surface needs at least 2 between the two "
+            "volumes",
+            kind="narrow",
+            count=shape[axis],
+            axis=axis,
         )
     side = np.full(shape, FREE, np.uint8)
     side[along(axis, slice(1))] = A

@@ -15,9 +15,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -41,6 +41,7 @@ from toposeam.layers.registration.consensus import (
     ELSEWHERE,
     LARGEST_MISFIT,
     ambiguous,
+    placed_elsewhere,
     without_contradictions,
 )
 from toposeam.layers.registration.given_points import matches_of
@@ -69,6 +70,7 @@ _PLAIN = 8
 _NAMED = 8
 
 Floats = npt.NDArray[np.float64]
+_Value = TypeVar("_Value")
 
 
 def find_places(
@@ -432,9 +434,14 @@ class _Group:
             _check_pair(given, matches, best)
             _check_joined(given.pictures, matches, best, least, given.most_shared)
         numbers = np.flatnonzero(own == sizes.argmax()).tolist()
-        order = {number: index for index, number in enumerate(numbers)}
-        joined = {(order[i], order[j]): match for (i, j), match in matches.items() if i in order}
-        return cls(numbers, [given.pictures[number].name for number in numbers], joined, own)
+        names = [given.pictures[number].name for number in numbers]
+        return cls(numbers, names, _among(numbers, matches), own)
+
+
+def _among(numbers: Sequence[int], pairs: Mapping[Pair, _Value]) -> dict[Pair, _Value]:
+    """Keep the pairs of some pictures, counted among these."""
+    order = {number: index for index, number in enumerate(numbers)}
+    return {(order[i], order[j]): value for (i, j), value in pairs.items() if i in order and j in order}
 
 
 def _by_similarity(given: _Set, freedoms: Sequence[str], largest: float | None) -> _Found:
@@ -520,19 +527,14 @@ def _in_view(given: _Set, found: _Found, fov: float) -> _Found:
             count=len(shown),
             total=len(sizes),
         )
-    order = {k: index for index, k in enumerate(shown)}
-
-    def kept(pairs: Iterable[Pair]) -> list[Pair]:
-        return [(i, j) for i, j in pairs if i in order and j in order]
-
     return replace(
         found,
         numbers=[found.numbers[k] for k in shown],
         transforms=[found.transforms[k] for k in shown],
-        matches={(order[i], order[j]): found.matches[i, j] for i, j in kept(found.matches)},
-        off={(order[i], order[j]): found.off[i, j] for i, j in kept(found.off)},
-        outvoted=tuple((order[i], order[j]) for i, j in kept(found.outvoted)),
-        beyond=tuple(number for k, number in enumerate(found.numbers) if k not in order),
+        matches=_among(shown, found.matches),
+        off=_among(shown, found.off),
+        outvoted=tuple(_among(shown, dict.fromkeys(found.outvoted))),
+        beyond=tuple(number for k, number in enumerate(found.numbers) if k not in shown),
     )
 
 
@@ -564,9 +566,8 @@ def _check_contradictions(names: Sequence[str], fit: ModelFit) -> None:
     bundle = fit.bundle
     if fit.clear or not fit.outvoted:
         return
-    diagonals = np.hypot(*bundle.sizes.T)
     off = bundle.medians({pair: fit.matches[pair] for pair in fit.outvoted})
-    elsewhere = [pair for pair in fit.outvoted if off[pair] > ELSEWHERE * diagonals[list(pair)].min()]
+    elsewhere = placed_elsewhere(bundle.sizes, off)
     if elsewhere:
         raise ambiguous(list(names), elsewhere, max(off.values()))
 

@@ -29,7 +29,7 @@ from toposeam.layers.canvas.layer import Box, Layer, check_layers, cut
 from toposeam.layers.execution.tasks import Executor, check_executor, results
 from toposeam.layers.labelling.problem import Pair
 from toposeam.layers.registration.consensus import voted
-from toposeam.layers.registration.features import reduced
+from toposeam.layers.registration.features import gray_of, reduced
 from toposeam.layers.registration.outlier_pairs import evidence_of, named_pairs
 from toposeam.layers.registration.pair_matching import Match, groups
 from toposeam.layers.registration.pose_graph import least_squares
@@ -337,7 +337,7 @@ def _content(layer: Layer, place: Box, box: Box, scale: int = 1) -> tuple[Floats
     known = cut(layer.covered, place, box)
     image: Image = cut(layer.image, place, box)
     image[~known] = 0
-    gray = as_float(image, layer.title, layer.data_range).mean(axis=2, dtype=np.float64)
+    gray = gray_of(as_float(image, layer.title, layer.data_range), np.float64)
     if scale > 1:
         gray, known = reduced(gray, scale), reduced(known.astype(np.float32), scale) == 1
     gray[~known] = 0

@@ -17,7 +17,7 @@ from toposeam.images import full_scale
 from toposeam.layers.canvas.layer import extent_of
 from toposeam.layers.canvas.transforms import CameraTransform, Transform, is_move, similarity
 from toposeam.layers.execution.tasks import Executor, results
-from toposeam.layers.registration.find_places import PlaceOptions, found_places
+from toposeam.layers.registration.find_places import PlaceOptions, among, found_places
 from toposeam_cli.app.options import Keyed
 from toposeam_cli.files.regular import check_pattern
 from toposeam_cli.files.scratch import Scratch
@@ -338,10 +338,7 @@ def _of_sources(
         options = replace(
             options, centre=numbers.index(options.centre) if options.centre in numbers else None
         )
-    if options.points:
-        order = {number: index for index, number in enumerate(numbers)}
-        kept = {pair: points for pair, points in options.points.items() if set(pair) <= order.keys()}
-        options = replace(options, points={(order[i], order[j]): kept[i, j] for i, j in kept})
+    options = replace(options, points=among(numbers, options.points))
     sizes = [(source.picture.pixels.shape[1], source.picture.pixels.shape[0]) for source in sources]
     if finding.focal_mm is not None:
         return replace(options, focal=in_pixels(finding.focal_mm, sizes[0]))

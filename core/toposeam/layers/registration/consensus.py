@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from toposeam.errors import OverlapError
 from toposeam.layers.labelling.problem import Pair
-from toposeam.layers.registration.outlier_pairs import averaged, evidence_of, named_pairs, outvoted
+from toposeam.layers.registration.outlier_pairs import averaged, divided, evidence_of, named_pairs
 from toposeam.layers.registration.pair_matching import Match, groups
 from toposeam.layers.registration.pose_graph import FREEDOMS, Adjustment, adjusted, offsets
 
@@ -78,9 +78,8 @@ def voted(
         off = offsets(places.transforms, matches, order)
         before, kept = kept, [pair for pair in matches if off[pair] <= largest]
         settled = kept == before
-    wrong = [pair for pair in matches if off[pair] > largest]
-    votes = [{pair: evidence[pair] for pair in pairs} for pairs in (kept, wrong)]
-    return Vote(places, kept, wrong, off, clear=settled and outvoted(count, *votes))
+    kept, wrong, clear = divided(count, evidence, off, largest)
+    return Vote(places, kept, wrong, off, clear=settled and clear)
 
 
 def without_contradictions(

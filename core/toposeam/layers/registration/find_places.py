@@ -435,10 +435,10 @@ class _Group:
             _check_joined(given.pictures, matches, best, least, given.most_shared)
         numbers = np.flatnonzero(own == sizes.argmax()).tolist()
         names = [given.pictures[number].name for number in numbers]
-        return cls(numbers, names, _among(numbers, matches), own)
+        return cls(numbers, names, among(numbers, matches), own)
 
 
-def _among(numbers: Sequence[int], pairs: Mapping[Pair, _Value]) -> dict[Pair, _Value]:
+def among(numbers: Sequence[int], pairs: Mapping[Pair, _Value]) -> dict[Pair, _Value]:
     """Keep the pairs of some pictures, counted among these."""
     order = {number: index for index, number in enumerate(numbers)}
     return {(order[i], order[j]): value for (i, j), value in pairs.items() if i in order and j in order}
@@ -531,9 +531,9 @@ def _in_view(given: _Set, found: _Found, fov: float) -> _Found:
         found,
         numbers=[found.numbers[k] for k in shown],
         transforms=[found.transforms[k] for k in shown],
-        matches=_among(shown, found.matches),
-        off=_among(shown, found.off),
-        outvoted=tuple(_among(shown, dict.fromkeys(found.outvoted))),
+        matches=among(shown, found.matches),
+        off=among(shown, found.off),
+        outvoted=tuple(among(shown, dict.fromkeys(found.outvoted))),
         beyond=tuple(number for k, number in enumerate(found.numbers) if k not in shown),
     )
 

@@ -13,7 +13,7 @@ is but what the one part lets know of the other, their mutual information (:func
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +21,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
 from toposeam.layers.labelling.problem import Pair
+from toposeam.layers.registration.pair_matching import groups
 
 #: How many times the evidence of wrong pairs speaks against them. Of 58 sets of crops of pictures that repeat
 #: themselves, the 13 that would have come to lie wrong had 1.4 at most, the others 1.2 to 50.
@@ -68,7 +69,21 @@ def averaged(
     return values
 
 
-def outvoted(count: int, kept: dict[Pair, float], wrong: dict[Pair, float]) -> bool:
+def divided(
+    count: int, evidence: Mapping[Pair, float], off: Mapping[Pair, float], largest: float
+) -> tuple[list[Pair], list[Pair], bool]:
+    """Divide the pairs of so many pictures into those that fit and those that are farther off than so many
+    px, and tell whether there are none of these, or the others outvote them.
+    """
+    kept: list[Pair] = []
+    wrong: list[Pair] = []
+    for pair in evidence:
+        (wrong if off[pair] > largest else kept).append(pair)
+    votes = [{pair: evidence[pair] for pair in pairs} for pairs in (kept, wrong)]
+    return kept, wrong, not wrong or (not groups(count, kept).any() and _outvoted(count, *votes))
+
+
+def _outvoted(count: int, kept: dict[Pair, float], wrong: dict[Pair, float]) -> bool:
     """Whether between the pictures of every wrong pair, where the pairs that are kept have least evidence,
     they have several times as much as the wrong ones have there.
     """

@@ -13,7 +13,8 @@ from __future__ import annotations
 import argparse
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 
 import numpy as np
@@ -103,10 +104,17 @@ def rings() -> list[list[str]]:
 
 def flowing(problem: SeamProblem, engine: maximum_flow.Engine) -> np.ndarray:
     """The best seam by one engine of maximum flow."""
+    with cutting_by(engine):
+        return exact_labels(problem)
+
+
+@contextmanager
+def cutting_by(engine: maximum_flow.Engine) -> Iterator[None]:
+    """Make all cuts by one engine of maximum flow."""
     before = maximum_flow._engine_for
     maximum_flow._engine_for = lambda _nodes: engine
     try:
-        return exact_labels(problem)
+        yield
     finally:
         maximum_flow._engine_for = before
 

@@ -18,6 +18,7 @@ from functools import partial
 import numpy as np
 
 import toposeam as ts
+from engines import cutting_by
 from stamp import stamp
 from stitching import make_set
 from texture_samples import samples
@@ -57,9 +58,9 @@ def compare(name: str, works: list[Callable[[], np.ndarray]], engines: dict[str,
         for turn in range(TIMES):
             for engine, cut in engines.items():
                 spent = np.zeros(4)
-                flow._engine_for = lambda _, cut=cut, spent=spent: timed(cut, spent)
                 begin = time.process_time()
-                found.append(work())
+                with cutting_by(timed(cut, spent)):
+                    found.append(work())
                 spent[0] = time.process_time() - begin
                 took[engine][index] = spent if turn == 0 else np.minimum(took[engine][index], spent)
         if not all(np.array_equal(found[0], other) for other in found[1:]):

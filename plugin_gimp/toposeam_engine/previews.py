@@ -30,6 +30,8 @@ _LENGTHS = {"blend_width": 1, "patch": 8, "overlap": 2, "band": 4, "width": 16, 
 _MOTIF_PX, _MOTIF_ITERATIONS = {False: 96, True: 384}, {False: 18, True: 80}
 #: Pixels of a preview that was made at full size.
 _MOST_SHOWN = 400_000
+#: Values of what is not copied from are divided by this.
+_DARKER = 3
 
 
 def preview(job: EngineJob) -> dict[str, Any]:
@@ -123,18 +125,19 @@ def _copied(job: EngineJob) -> Image:
     """What a hole is filled from, bright, and all else of it dark."""
     if job.options.get("from") == "other" and not job.request["source"].get("is_mask"):
         return _small(with_alpha(*colours_of(job, job.request["source"])))
-    shown, where = _layer(job), textures.copied_from(job)
-    shown[~where, :-1] //= 3
+    shown = _layer(job)
+    _darken(shown, ~textures.copied_from(job))
     return _small(shown)
 
 
 def _fill(job: EngineJob) -> Image:
     image, alpha, sample, part, source = textures.filled(job)
     shown = _layer(job)
-    if source is not None:  # what is not copied from is darker
-        shown[..., :-1] //= 2
-        image = np.where(_wide(source | np.asarray(sample.selected), image), image, image // 2)
     shown[part] = with_alpha(image, alpha)
+    if source is not None:
+        dark = np.ones(shown.shape[:2], bool)
+        dark[part] = ~(source | np.asarray(sample.selected))
+        _darken(shown, dark)
     return _cut(job, shown)
 
 
@@ -144,9 +147,9 @@ def _cut(job: EngineJob, picture: Image) -> Image:
     return _small(picture[top : top + height, left : left + width])
 
 
-def _wide(mask: Mask, image: Image) -> Mask:
-    """The mask as an image's channels need it."""
-    return mask if image.ndim == 2 else mask[..., np.newaxis]
+def _darken(picture: Image, where: Mask) -> None:
+    """Darken the pixels that are not copied from."""
+    picture[where, :-1] //= _DARKER
 
 
 def _small(picture: Image) -> Image:

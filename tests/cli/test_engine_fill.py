@@ -116,7 +116,7 @@ def test_a_preview_darkens_what_is_not_copied(request_folder, rng):
     scene = {"operation": "preview", "of": "fill", "scale": 1.0, "layer": layer, "selection": selection}
     answer = request_folder.ask(**scene, source=None, options={**OPTIONS, "from": "around"})
     drawn = request_folder.pixels(result_of(answer)["picture"])[..., :3]
-    np.testing.assert_array_equal(drawn[:100], pixels[:100] // 2)
+    np.testing.assert_array_equal(drawn[:100], pixels[:100] // 3)
     np.testing.assert_array_equal(drawn[160:180, 160:180], pixels[160:180, 160:180])
 
 

@@ -7,6 +7,7 @@ from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -16,14 +17,14 @@ from toposeam.images import full_scale
 from toposeam.layers.canvas.layer import extent_of
 from toposeam.layers.canvas.transforms import CameraTransform, Transform, is_move, similarity
 from toposeam.layers.execution.tasks import Executor, results
-from toposeam.layers.registration.find_places import PlaceOptions, found_places
+from toposeam.layers.registration.find_places import PlaceOptions, among, found_places
 from toposeam_cli.app.options import Keyed
 from toposeam_cli.files.regular import check_pattern
 from toposeam_cli.files.scratch import Scratch
 from toposeam_cli.media.layouts.hugin_project import ProjectPicture, project_text, read_project
 from toposeam_cli.media.layouts.layout import Layout, LayoutLayer, layout_text, read_layout
 from toposeam_cli.media.pictures.decode import size_of
-from toposeam_cli.media.pictures.lens import exposure, focal_length, in_pixels, is_fisheye
+from toposeam_cli.media.pictures.lens import exposure, focal_length, in_pixels, is_fisheye, noted
 from toposeam_cli.media.pictures.limits import check_together
 from toposeam_cli.media.pictures.masks import read_white
 from toposeam_cli.media.pictures.openraster import read_ora
@@ -32,9 +33,22 @@ from toposeam_cli.media.pictures.stored import read_stored, store
 from toposeam_cli.stitching.positions import Where, places_of
 from toposeam_cli.stitching.resample import placed_layers
 
+#: What a camera noted, by tags of EXIF.
+_Notes: TypeAlias = Mapping[int, Any]
+
 _LAYOUTS = (".toml", ".json", ".pto")
 #: Pictures with more pixels together wait in files.
 STORED_PIXELS = 64_000_000
+
+
+def picture_number(key: str, names: Mapping[int, str], count: int) -> int | None:
+    """Return which of `count` pictures is the only one of a name, or has a number, counted from 0; None for
+    none. Names are by number.
+    """
+    called = [number for number, name in names.items() if name == key]
+    if len(called) == 1:
+        return called[0]
+    return int(key) if key.isdecimal() and int(key) < count else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,12 +93,11 @@ class PlacedPictures:
             When there is none, or more than one.
         """
         names = [layer.name for layer in self.layers]
-        if names.count(key) == 1:
-            return names.index(key)
         count = len(names) + len(self.lost)
-        if key.isdecimal() and int(key) < count:
-            numbers = self.numbers or tuple(range(count))
-            return numbers.index(int(key)) if int(key) in numbers else None
+        numbers = self.numbers or tuple(range(count))
+        number = picture_number(key, dict(zip(numbers, names, strict=True)), count)
+        if number is not None:
+            return numbers.index(number) if number in numbers else None
         if key in self.lost:
             return None
         raise ts.OptionError(
@@ -227,19 +240,6 @@ def arrange(
     reading = _Reading(limit=limit, scratch=kept, skips=skip_bad, executor=executor, elsewhere=stores)
     sources, wrap = _sources(files, where, reading, 1 if alone else 2)
     pictures = match_pictures([source.picture for source in sources], keep)
-    layers = [
-        ts.Layer(
-            picture.pixels,
-            alpha=picture.alpha,
-            name=source.name,
-            data_range=1.0 if picture.pixels.dtype.kind == "f" else None,
-        )
-        for source, picture in zip(sources, pictures, strict=True)
-    ]
-    named = PlacedPictures(
-        pictures=(), layers=tuple(layers), numbers=tuple(reading.numbers), lost=tuple(reading.lost)
-    )
-    layers = _masked(named, sources, masks, keeps, limit)
     transforms = [source.transform for source in sources if source.transform is not None]
     if not transforms:
         numbers = reading.numbers if reading.lost else None
@@ -249,21 +249,32 @@ def arrange(
         if places is None and alone:
             places = [(0, 0) for _ in sources]
         transforms = [similarity((float(x), float(y))) for x, y in places or ()]
+    notes = [{} if transforms else noted(source.file) for source in sources]
+    layers = [
+        ts.Layer(
+            picture.pixels,
+            alpha=picture.alpha,
+            name=source.name,
+            data_range=1.0 if picture.pixels.dtype.kind == "f" else None,
+            exposure=exposure(own),
+        )
+        for source, picture, own in zip(sources, pictures, notes, strict=True)
+    ]
+    named = PlacedPictures(
+        pictures=(), layers=tuple(layers), numbers=tuple(reading.numbers), lost=tuple(reading.lost)
+    )
+    layers = _masked(named, sources, masks, keeps, limit)
     placement = None
     apart: list[list[Path | None]] = []
     most = max(max_megapixels, ts.MAX_PIXELS / 1e6)
     if not transforms:
         place = partial(placed_layers, scratch=kept, executor=executor, max_megapixels=most)
         found = None if kept is None else executor
-        layers = [
-            replace(layer, exposure=None if source.file is None else exposure(source.file))
-            for layer, source in zip(layers, sources, strict=True)
-        ]
-        options = _of_sources(finding or PlaceFinding(), sources, reading.numbers)
+        options = _of_sources(finding or PlaceFinding(), sources, notes, reading.numbers)
         try:
             placement = found_places(layers, options, progress, found, place)
         except ts.OverlapError as error:
-            raise _with_fisheyes(error, sources) from error
+            raise _with_fisheyes(error, sources, notes) from error
         layers, wrap, transforms = list(placement.layers), placement.wrap, list(placement.transforms)
         apart = [[sources[number].file for number in group] for group in placement.other_groups]
         sources = [sources[number] for number in placement.numbers]
@@ -299,9 +310,15 @@ def arrange(
     )
 
 
-def _with_fisheyes(error: ts.OverlapError, sources: Sequence[_Source]) -> ts.OverlapError:
+def _with_fisheyes(
+    error: ts.OverlapError, sources: Sequence[_Source], notes: Sequence[_Notes]
+) -> ts.OverlapError:
     """Add to an error about pictures that are not placed that a fisheye took one."""
-    bent = [source.name for source in sources if is_fisheye(source.picture.pixels, source.file)]
+    bent = [
+        source.name
+        for source, own in zip(sources, notes, strict=True)
+        if is_fisheye(source.picture.pixels, own)
+    ]
     if not bent:
         return error
     return error.within(
@@ -310,7 +327,9 @@ def _with_fisheyes(error: ts.OverlapError, sources: Sequence[_Source]) -> ts.Ove
     )
 
 
-def _of_sources(finding: PlaceFinding, sources: Sequence[_Source], numbers: Sequence[int]) -> PlaceOptions:
+def _of_sources(
+    finding: PlaceFinding, sources: Sequence[_Source], notes: Sequence[_Notes], numbers: Sequence[int]
+) -> PlaceOptions:
     """Return the options for the pictures that were read, with the focal length that is given or that their
     files agree on.
     """
@@ -319,18 +338,11 @@ def _of_sources(finding: PlaceFinding, sources: Sequence[_Source], numbers: Sequ
         options = replace(
             options, centre=numbers.index(options.centre) if options.centre in numbers else None
         )
-    if options.points:
-        order = {number: index for index, number in enumerate(numbers)}
-        kept = {pair: points for pair, points in options.points.items() if set(pair) <= order.keys()}
-        options = replace(options, points={(order[i], order[j]): kept[i, j] for i, j in kept})
+    options = replace(options, points=among(numbers, options.points))
     sizes = [(source.picture.pixels.shape[1], source.picture.pixels.shape[0]) for source in sources]
     if finding.focal_mm is not None:
         return replace(options, focal=in_pixels(finding.focal_mm, sizes[0]))
-    found = [
-        focal_length(source.file, size)
-        for source, size in zip(sources, sizes, strict=True)
-        if source.file is not None
-    ]
+    found = [focal_length(own, size) for own, size in zip(notes, sizes, strict=True)]
     known = [length for length in found if length is not None]
     if not known or len(known) < len(sources) or max(known) > 1.05 * min(known):
         return options

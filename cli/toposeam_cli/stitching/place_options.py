@@ -18,7 +18,7 @@ from toposeam.layers.registration.placement import MODELS
 from toposeam_cli.app.command import option
 from toposeam_cli.app.options import FILE, FiniteRange
 from toposeam_cli.media.pictures.decode import check_input
-from toposeam_cli.stitching.inputs import PlacedPictures, PlaceFinding
+from toposeam_cli.stitching.inputs import PlacedPictures, PlaceFinding, picture_number
 from toposeam_cli.stitching.outputs import Outputs
 from toposeam_cli.stitching.search_options import SeamOptions
 
@@ -185,14 +185,12 @@ class FindingOptions:
 
 def _number(files: Sequence[Path], name: str, said: str) -> int:
     """Return the number of a picture that is called so, or has that number."""
-    names = [path.name for path in files]
-    if name in names:
-        return names.index(name)
-    if name.isdecimal() and int(name) < len(files):
-        return int(name)
+    number = picture_number(name, {index: path.name for index, path in enumerate(files)}, len(files))
+    if number is not None:
+        return number
     raise ts.OptionError(
         f"{said} is none of the pictures; give a number from 0 to {len(files) - 1}, or a name, like "
-        f"{names[0]}"
+        f"{files[0].name}"
     )
 
 

@@ -135,11 +135,12 @@ def find_surface(
         )
     chosen = options_from(SurfaceOptions, options, given, f"method {method}")
     where = 0 if axis is None else axis
+    spacing = check_spacing(spacing)
     problem, only_b = surface_problem(
         a, b, mask_a, mask_b, where, match, spacing, weight, avoid, core, speck, channel_axis, data_range
     )
     settings: dict[str, Any] = {"core": core, "speck": speck} if masked else {"axis": where}
-    settings |= {"spacing": check_spacing(spacing), **dataclasses.asdict(match)}
+    settings |= {"spacing": spacing, **dataclasses.asdict(match)}
     if method == "heat":
         settings |= dataclasses.asdict(chosen)
     return solve_surface(problem, only_b, method, chosen, settings, progress)

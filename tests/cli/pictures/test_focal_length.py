@@ -6,7 +6,7 @@ import pytest
 from PIL import Image
 from PIL.TiffImagePlugin import IFDRational
 
-from toposeam_cli.media.pictures.lens import equivalent_mm, exposure, focal_length, in_pixels
+from toposeam_cli.media.pictures.lens import equivalent_mm, exposure, focal_length, in_pixels, noted
 
 SIZE = 60, 40
 #: Tags of EXIF.
@@ -31,9 +31,9 @@ def photograph(tmp_path):
 @pytest.mark.parametrize("suffix", [".jpg", ".png", ".webp"])
 def test_what_is_noted_as_of_film_is_by_the_diagonal(photograph, suffix):
     diagonal = math.hypot(24, 36)
-    found = focal_length(photograph({IN_35: 50}, suffix), SIZE)
+    found = focal_length(noted(photograph({IN_35: 50}, suffix)), SIZE)
     assert found == pytest.approx(50 / diagonal * math.hypot(*SIZE))
-    assert focal_length(photograph({IN_35: 50}, suffix), SIZE[::-1]) == found  # turned since
+    assert focal_length(noted(photograph({IN_35: 50}, suffix)), SIZE[::-1]) == found  # turned since
 
 
 @pytest.mark.parametrize(
@@ -42,17 +42,17 @@ def test_what_is_noted_as_of_film_is_by_the_diagonal(photograph, suffix):
 def test_pixels_of_the_sensor_are_counted(photograph, unit, per_unit):
     notes = {MM: IFDRational(18), RESOLUTION: IFDRational(round(4000 * per_unit), 1000), WIDTH: 60} | unit
     per_mm = round(4000 * per_unit) / 1000 / per_unit
-    assert focal_length(photograph(notes), SIZE) == pytest.approx(18 * per_mm)
+    assert focal_length(noted(photograph(notes)), SIZE) == pytest.approx(18 * per_mm)
 
 
 def test_a_picture_that_was_reduced_has_fewer_pixels(photograph):
     notes = {MM: IFDRational(18), RESOLUTION: IFDRational(40), UNIT: 4, WIDTH: 600}
-    assert focal_length(photograph(notes), SIZE) == pytest.approx(18 * 40 / 10)
+    assert focal_length(noted(photograph(notes)), SIZE) == pytest.approx(18 * 40 / 10)
 
 
 def test_what_is_noted_as_of_film_comes_first(photograph):
     notes = {MM: IFDRational(18), RESOLUTION: IFDRational(4), UNIT: 4, WIDTH: 60, IN_35: 28}
-    assert focal_length(photograph(notes), SIZE) == pytest.approx(in_pixels(28, SIZE))
+    assert focal_length(noted(photograph(notes)), SIZE) == pytest.approx(in_pixels(28, SIZE))
 
 
 ABSURD = {
@@ -73,7 +73,7 @@ ABSURD = {
 
 @pytest.mark.parametrize("notes", ABSURD.values(), ids=ABSURD)
 def test_what_makes_no_sense_is_not_taken(photograph, notes):
-    assert focal_length(photograph(notes), SIZE) is None
+    assert focal_length(noted(photograph(notes)), SIZE) is None
 
 
 def test_files_without_readable_notes_have_none(photograph, tmp_path):
@@ -81,12 +81,12 @@ def test_files_without_readable_notes_have_none(photograph, tmp_path):
     content = path.read_bytes()
     start = content.index(b"Exif\0\0") + 6
     path.write_bytes(content[:start] + b"\xff" * 30 + content[start + 30 :])
-    assert focal_length(path, SIZE) is None
+    assert focal_length(noted(path), SIZE) is None
     path.write_bytes(content[:40])
-    assert focal_length(path, SIZE) is None
-    assert focal_length(tmp_path / "no such file.jpg", SIZE) is None
+    assert focal_length(noted(path), SIZE) is None
+    assert focal_length(noted(tmp_path / "no such file.jpg"), SIZE) is None
     Image.new("RGB", SIZE).save(tmp_path / "plain.png")
-    assert focal_length(tmp_path / "plain.png", SIZE) is None
+    assert focal_length(noted(tmp_path / "plain.png"), SIZE) is None
 
 
 SECONDS, F_NUMBER, ISO = 0x829A, 0x829D, 0x8827
@@ -95,7 +95,7 @@ TAKEN = {SECONDS: IFDRational(1, 125), F_NUMBER: IFDRational(56, 10), ISO: 400}
 
 @pytest.mark.parametrize("suffix", [".jpg", ".png", ".webp"])
 def test_an_exposure_is_time_and_iso_by_the_square_of_the_stop(photograph, suffix):
-    assert exposure(photograph(TAKEN, suffix)) == pytest.approx(400 / 125 / 5.6**2)
+    assert exposure(noted(photograph(TAKEN, suffix))) == pytest.approx(400 / 125 / 5.6**2)
 
 
 @pytest.mark.parametrize(
@@ -109,7 +109,7 @@ def test_an_exposure_is_time_and_iso_by_the_square_of_the_stop(photograph, suffi
     ],
 )
 def test_an_exposure_that_is_not_stated_whole_is_none(photograph, notes):
-    assert exposure(photograph(notes)) is None
+    assert exposure(noted(photograph(notes))) is None
 
 
 @pytest.mark.parametrize("size", [(60, 40), (40, 60), (50, 50)])

@@ -10,10 +10,10 @@ from skimage import data, feature
 from threadpoolctl import threadpool_info, threadpool_limits
 
 import toposeam as ts
-from toposeam.layers.registration import find_places as placing
 from toposeam.layers.registration import pair_matching as pairing
 from toposeam.layers.registration import pose_graph as adjustment
 from toposeam.layers.registration.features import Look, look_at, shared_features
+from toposeam.layers.registration.refusals import check_joined
 
 WHOLE = data.camera()[120:220, 100:360]
 
@@ -201,11 +201,9 @@ def test_a_large_unrelated_group_is_named_in_part():
     matches = {(index, index + 1): None for index in range(29) if index != 14}
     few = "p15 and p16, p17, p18, p19, p20, p21, p22, 7 more show something else"
     with pytest.raises(ts.OverlapError, match=few):
-        placing._check_joined(pictures, matches, np.ones(30), 0.5)
+        check_joined(pictures, matches, np.ones(30), 0.5)
     with pytest.raises(ts.OverlapError, match="p15 and p16, p17, p18, p19 show something else"):
-        placing._check_joined(
-            pictures[:20], {pair: None for pair in matches if pair[1] < 20}, np.ones(20), 0.5
-        )
+        check_joined(pictures[:20], {pair: None for pair in matches if pair[1] < 20}, np.ones(20), 0.5)
 
 
 def test_arrays_are_pictures_named_by_number():

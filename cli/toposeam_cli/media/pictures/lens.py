@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -22,31 +23,42 @@ DIAGONAL_MM = math.hypot(24, 36)
 _CORNER, _BLACK, _LIT = 0.1, 0.04, 0.08
 
 
-def focal_length(path: Path, size: tuple[int, int]) -> float | None:
-    """Return the focal length of the camera of a picture of that width and height, px; None where the file
-    does not say it.
-    """
-    noted = _noted(path)
+def noted(path: Path | None) -> Mapping[int, Any]:
+    """Return what a camera noted in a file, by tags of EXIF; nothing where there is no file."""
+    from PIL import Image
+
+    if path is None:
+        return {}
     try:
-        if noted.get(_FOCAL_35):
-            found = in_pixels(float(noted[_FOCAL_35]), size)
+        with Image.open(path) as image:
+            return dict(image.getexif().get_ifd(_SUB_IFD))
+    except Exception:
+        return {}
+
+
+def focal_length(notes: Mapping[int, Any], size: tuple[int, int]) -> float | None:
+    """Return the focal length of the camera of a picture of that width and height, px; None where the notes
+    do not say it.
+    """
+    try:
+        if notes.get(_FOCAL_35):
+            found = in_pixels(float(notes[_FOCAL_35]), size)
         else:
             # Pixels of the sensor ÷ mm, of a picture that may have been reduced since.
-            per_mm = float(noted[_PLANE_RESOLUTION]) / _UNIT_MM[int(noted.get(_PLANE_UNIT, 2))]
-            wide = float(noted.get(_PLANE_WIDTH) or max(size))
-            found = float(noted[_FOCAL_MM]) * per_mm * max(size) / max(wide, min(size))
+            per_mm = float(notes[_PLANE_RESOLUTION]) / _UNIT_MM[int(notes.get(_PLANE_UNIT, 2))]
+            wide = float(notes.get(_PLANE_WIDTH) or max(size))
+            found = float(notes[_FOCAL_MM]) * per_mm * max(size) / max(wide, min(size))
     except Exception:
         return None
     return found if 0.2 * max(size) < found < 50 * max(size) else None
 
 
-def exposure(path: Path) -> float | None:
-    """Return the light that a picture was taken with, s × ISO ÷ f-number²; None where the file does not say
+def exposure(notes: Mapping[int, Any]) -> float | None:
+    """Return the light that a picture was taken with, s × ISO ÷ f-number²; None where the notes do not say
     it.
     """
-    noted = _noted(path)
     try:
-        found = float(noted[_SECONDS]) * float(noted[_ISO]) / float(noted[_F_NUMBER]) ** 2
+        found = float(notes[_SECONDS]) * float(notes[_ISO]) / float(notes[_F_NUMBER]) ** 2
     except Exception:
         return None
     return found if 0 < found < math.inf else None
@@ -62,17 +74,17 @@ def equivalent_mm(focal: float, size: tuple[int, int]) -> float:
     return focal * DIAGONAL_MM / math.hypot(*size)
 
 
-def is_fisheye(pixels: np.ndarray, path: Path | None) -> bool:
+def is_fisheye(pixels: np.ndarray, notes: Mapping[int, Any]) -> bool:
     """Test whether a picture names a fisheye lens, or shows its circle: black corners round a lit middle.
 
     Parameters
     ----------
     pixels : (H, W) or (H, W, 3) ndarray
         uint8, uint16, or float32 with 1.0 as white.
-    path : Path, optional
-        The file that they were read from.
+    notes : mapping from int to object
+        What the camera noted (:func:`noted`).
     """
-    if path is not None and "fisheye" in str(_noted(path).get(_LENS, "")).lower():
+    if "fisheye" in str(notes.get(_LENS, "")).lower():
         return True
     height, width = pixels.shape[:2]
     side = int(_CORNER * min(height, width))
@@ -83,14 +95,3 @@ def is_fisheye(pixels: np.ndarray, path: Path | None) -> bool:
     corners = max(np.asarray(pixels[rows, columns]).max() for rows in ends for columns in ends)
     middle = np.asarray(pixels[height // 3 : 2 * height // 3, width // 3 : 2 * width // 3])
     return bool(corners < _BLACK * white and middle.mean() > _LIT * white)
-
-
-def _noted(path: Path) -> dict[int, Any]:
-    """Return what a camera noted in a file, by tags of EXIF."""
-    from PIL import Image
-
-    try:
-        with Image.open(path) as image:
-            return dict(image.getexif().get_ifd(_SUB_IFD))
-    except Exception:
-        return {}

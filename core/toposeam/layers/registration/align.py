@@ -3,17 +3,18 @@
 Each pair of layers that overlap, or would within the search radius, is compared by masked phase correlation
 (Padfield 2012, doi:10.1109/TIP.2011.2181402; scikit-image's), on a coarser scale first where the overlap is
 large. A shift counts when it lies within the radius and the overlap then correlates. All shifts together give
-the positions, in the least-squares sense, the first layer staying where it is; pairs that contradict the
-others, as what repeats itself does, are left out where those outvote them
-(:mod:`toposeam.layers.registration.outlier_pairs`). Layers are moved by whole pixels and not resampled,
-turned or warped.
+the positions (:mod:`toposeam.layers.registration.pose_graph`), the first layer staying where it is; pairs
+that contradict the others, as what repeats itself does, are left out where those outvote them
+(:mod:`toposeam.layers.registration.consensus`). Layers are moved by whole pixels and not resampled, turned or
+warped.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import combinations
 from typing import Any
 
@@ -27,8 +28,11 @@ from toposeam.images import Image, Mask, as_float
 from toposeam.layers.canvas.layer import Box, Layer, check_layers, cut
 from toposeam.layers.execution.tasks import Executor, check_executor, results
 from toposeam.layers.labelling.problem import Pair
-from toposeam.layers.registration.features import reduced
-from toposeam.layers.registration.outlier_pairs import averaged, evidence_of, named_pairs, voted
+from toposeam.layers.registration.consensus import voted
+from toposeam.layers.registration.features import gray_of, reduced
+from toposeam.layers.registration.outlier_pairs import evidence_of, named_pairs
+from toposeam.layers.registration.pair_matching import Match, groups
+from toposeam.layers.registration.pose_graph import least_squares
 
 #: Farthest a layer is searched from where it was said to be, px in x and in y.
 RADIUS = 32
@@ -39,7 +43,7 @@ _COARSE_PIXELS = 400_000  # compared at once
 _LOOKED_AT = 60_000  # to tell whether two layers show the same
 _LEAST_SHARE = 0.3  # of the smaller part, that two parts have to share
 _LEAST_PIXELS = 64
-_AGREE = 2.0  # px that a pair may be off where the others place its layers
+_AGREE = 2.0  # px in x and in y that a pair may be off where the others place its layers
 _NEAR = 2  # px that phase correlation may be off
 _PLAIN = 0.01  # of full scale: what varies less shows nothing beside something plain
 _BLUR = 8.0  # px; slower changes are exposure, not content
@@ -192,16 +196,10 @@ def _check_joined(
     radius: int,
 ) -> None:
     """Refuse layers that are not joined to the first one by pairs that agree."""
-    joined, waiting = {0}, [0]
-    while waiting:
-        layer = waiting.pop()
-        for i, j in found:
-            if layer in (i, j) and not {i, j} <= joined:
-                waiting.append(j if layer == i else i)
-                joined |= {i, j}
-    lost = [index for index in range(len(layers)) if index not in joined]
-    if lost:
-        index = lost[0]
+    own = groups(len(layers), found)
+    lost = np.flatnonzero(own != own[0])
+    if len(lost):
+        index = int(lost[0])
         close = (
             f"the best correlation is {best[index]:.2f}" if best[index] > -1 else "it overlaps none of them"
         )
@@ -228,21 +226,15 @@ def _agreed(
     OverlapError
         When more than these contradict each other.
     """
-
-    def solved(pairs: Collection[Pair]) -> tuple[Floats, dict[Pair, float]]:
-        positions = _positions(len(names), {pair: found[pair] for pair in pairs})
-        return positions, _off(positions, found)
-
-    def of_most() -> dict[Pair, float]:
-        differences = np.array([shift @ [1, 1j] for shift, _, _ in found.values()])
-        weights = np.array(list(evidence.values()))
-        places = averaged(len(names), found.keys(), -differences, weights)
-        return _off(np.stack([places.real, places.imag], axis=1), found)
-
+    matches = {
+        pair: Match(shift[np.newaxis], np.zeros((1, 2)), correlation, uncertainty=told**-0.5)
+        for pair, (shift, correlation, told) in found.items()
+    }
     evidence = {pair: told for pair, (_, _, told) in found.items()}
-    vote = voted(len(names), evidence, solved, of_most, _AGREE)
+    solved = partial(least_squares, len(names), freedom="shift")
+    vote = voted(len(names), matches, evidence, solved, _AGREE, order=np.inf)
     if vote.clear:
-        return vote.places, {pair: found[pair] for pair in vote.kept}
+        return vote.places.transforms[:, 2:], {pair: found[pair] for pair in vote.kept}
     raise OverlapError(
         "{names} agree where the other layers do not place them, up to {off} px off, and "
         "too little else shows which is right: what repeats itself agrees in several "
@@ -251,25 +243,6 @@ def _agreed(
         names=named_pairs(names, vote.wrong),
         off=f"{max(vote.off.values()):.0f}",
     )
-
-
-def _off(positions: Floats, found: dict[Pair, tuple[Floats, float, float]]) -> dict[Pair, float]:
-    """By how many px each pair disagrees."""
-    return {
-        (i, j): float(np.abs(positions[j] - positions[i] - shift).max())
-        for (i, j), (shift, _, _) in found.items()
-    }
-
-
-def _positions(count: int, found: dict[Pair, tuple[Floats, float, float]]) -> Floats:
-    """(N, 2) shifts that agree best with those of the pairs, the first layer's being 0."""
-    rows, values = np.zeros((len(found) + 1, count)), np.zeros((len(found) + 1, 2))
-    rows[-1, 0] = 1e6
-    for row, value, ((i, j), (shift, _, told)) in zip(rows, values, found.items(), strict=False):
-        weight = float(np.sqrt(told))
-        row[i], row[j] = -weight, weight
-        value[:] = weight * shift
-    return np.asarray(np.linalg.lstsq(rows, values, rcond=None)[0], np.float64)
 
 
 def _match(item: tuple[Layer, Layer, int]) -> tuple[Floats, float, float] | None:
@@ -364,7 +337,7 @@ def _content(layer: Layer, place: Box, box: Box, scale: int = 1) -> tuple[Floats
     known = cut(layer.covered, place, box)
     image: Image = cut(layer.image, place, box)
     image[~known] = 0
-    gray = as_float(image, layer.title, layer.data_range).mean(axis=2, dtype=np.float64)
+    gray = gray_of(as_float(image, layer.title, layer.data_range), np.float64)
     if scale > 1:
         gray, known = reduced(gray, scale), reduced(known.astype(np.float32), scale) == 1
     gray[~known] = 0

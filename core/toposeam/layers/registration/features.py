@@ -59,8 +59,7 @@ def look_at(picture: Layer) -> Look:
     fine = max(1, int(np.ceil(np.sqrt(height * width / _FINE_PIXELS))))
     known = reduced(picture.covered.astype(np.float32), fine) == 1
     planes = as_float(np.asarray(picture.image), picture.title, picture.data_range)
-    channels = planes.shape[2]
-    gray = reduced(planes @ np.full(channels, 1 / channels, planes.dtype), fine)
+    gray = reduced(gray_of(planes, np.float32), fine)
     gray[~known] = 0
     weight = scipy.ndimage.gaussian_filter(known.astype(np.float32), _BLUR)
     slow = scipy.ndimage.gaussian_filter(gray, _BLUR) / np.maximum(weight, 1e-6)
@@ -74,6 +73,14 @@ def look_at(picture: Layer) -> Look:
         return Look(detail, known, scale * fine, np.zeros((0, 2)), None, fine, (width, height))
     points = (sift.keypoints[:, ::-1] + 0.5) * scale * fine - 0.5
     return Look(detail, known, scale * fine, points.astype(float), sift.descriptors, fine, (width, height))
+
+
+def gray_of(planes: npt.NDArray[np.float32], dtype: type[Float]) -> npt.NDArray[Float]:
+    """Average (H, W, C) channels in the precision of a type: by a product, which takes numpy a sixth of the
+    time that the mean of an axis does.
+    """
+    channels = planes.shape[2]
+    return np.asarray(planes @ np.full(channels, 1 / channels, dtype))
 
 
 def reduced(plane: npt.NDArray[Float], scale: int) -> npt.NDArray[Float]:

@@ -15,9 +15,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -41,6 +41,7 @@ from toposeam.layers.registration.consensus import (
     ELSEWHERE,
     LARGEST_MISFIT,
     ambiguous,
+    placed_elsewhere,
     without_contradictions,
 )
 from toposeam.layers.registration.given_points import matches_of
@@ -50,25 +51,19 @@ from toposeam.layers.registration.pair_matching import Kind, Match, Sightings, g
 from toposeam.layers.registration.panorama import View, camera_transforms, plane_transforms
 from toposeam.layers.registration.placement import MODELS, Model, Placement, Residual
 from toposeam.layers.registration.pose_graph import FREEDOMS, open_corners, residuals
-from toposeam.sentence import counted
+from toposeam.layers.registration.refusals import check_exact, check_joined, is_plain, named, strangers
 
 #: Least correlation of two overlaps that are taken to show the same.
 LEAST_CORRELATION = 0.5
-#: A picture of which more than so many px are open, one standard deviation at its corners, is refused where
-#: places are to be exact: what is nearer is placed within half a pixel (benchmarks/placing.py).
-LARGEST_DOUBT = 0.4
 #: Similarities that leave no more px at a twentieth of the points of any pair are not compared with other
 #: models.
 _EXPLAINED = 1.2
 #: So many of the strongest pairs tell whether similarities may do: not where they leave so many times as much
 #: of the features as homographies do, and so many px of the reduced pictures more.
 _ASKED, _TIMES, _MORE = 6, 1.3, 0.5
-#: Fewer features are too few to look for an overlap.
-_PLAIN = 8
-#: So many pictures are named at most that show something else.
-_NAMED = 8
 
 Floats = npt.NDArray[np.float64]
+_Value = TypeVar("_Value")
 
 
 def find_places(
@@ -429,12 +424,18 @@ class _Group:
         own = groups(len(given.pictures), matches)
         sizes = np.bincount(own)
         if given.options.exact or sizes.max() < 2:
-            _check_pair(given, matches, best)
-            _check_joined(given.pictures, matches, best, least, given.most_shared)
+            if len(given.pictures) == 2 and not matches:
+                raise strangers(given.pictures, given.sightings, float(best.max()), least)
+            check_joined(given.pictures, matches, best, least, given.most_shared)
         numbers = np.flatnonzero(own == sizes.argmax()).tolist()
-        order = {number: index for index, number in enumerate(numbers)}
-        joined = {(order[i], order[j]): match for (i, j), match in matches.items() if i in order}
-        return cls(numbers, [given.pictures[number].name for number in numbers], joined, own)
+        names = [given.pictures[number].name for number in numbers]
+        return cls(numbers, names, among(numbers, matches), own)
+
+
+def among(numbers: Sequence[int], pairs: Mapping[Pair, _Value]) -> dict[Pair, _Value]:
+    """Keep the pairs of some pictures, counted among these."""
+    order = {number: index for index, number in enumerate(numbers)}
+    return {(order[i], order[j]): value for (i, j), value in pairs.items() if i in order and j in order}
 
 
 def _by_similarity(given: _Set, freedoms: Sequence[str], largest: float | None) -> _Found:
@@ -447,7 +448,7 @@ def _by_similarity(given: _Set, freedoms: Sequence[str], largest: float | None) 
         largest = ELSEWHERE * float(np.hypot(*sizes.T).min())
     solution, used = without_contradictions(group.names, sizes, group.matches, freedoms, largest)
     if given.options.exact:
-        _check_exact([given.pictures[number] for number in group.numbers], open_corners(sizes, solution))
+        check_exact([given.pictures[number] for number in group.numbers], open_corners(sizes, solution))
     transforms = [
         PlaneTransform(np.array([[a, -b, u], [b, a, v], [0.0, 0.0, 1.0]]))
         for a, b, u, v in solution.transforms
@@ -520,19 +521,14 @@ def _in_view(given: _Set, found: _Found, fov: float) -> _Found:
             count=len(shown),
             total=len(sizes),
         )
-    order = {k: index for index, k in enumerate(shown)}
-
-    def kept(pairs: Iterable[Pair]) -> list[Pair]:
-        return [(i, j) for i, j in pairs if i in order and j in order]
-
     return replace(
         found,
         numbers=[found.numbers[k] for k in shown],
         transforms=[found.transforms[k] for k in shown],
-        matches={(order[i], order[j]): found.matches[i, j] for i, j in kept(found.matches)},
-        off={(order[i], order[j]): found.off[i, j] for i, j in kept(found.off)},
-        outvoted=tuple((order[i], order[j]) for i, j in kept(found.outvoted)),
-        beyond=tuple(number for k, number in enumerate(found.numbers) if k not in order),
+        matches=among(shown, found.matches),
+        off=among(shown, found.off),
+        outvoted=tuple(among(shown, dict.fromkeys(found.outvoted))),
+        beyond=tuple(number for k, number in enumerate(found.numbers) if k not in shown),
     )
 
 
@@ -543,13 +539,13 @@ def _reason(given: _Set, found: _Found, number: int) -> str:
         return f"{name} lies beyond the field of view"
     others = [other for other in np.flatnonzero(found.groups == found.groups[number]) if other != number]
     if others:
-        return f"{name} shows something else, together with {_named(given.pictures, np.array(others))}"
+        return f"{name} shows something else, together with {named(given.pictures, np.array(others))}"
     shared = {
         other: len(given.sightings.shared((min(number, other), max(number, other))))
         for other in found.numbers
     }
     nearest = max(shared, key=lambda other: shared[other])
-    if len(given.sightings.looks[number].keypoints) < _PLAIN:
+    if is_plain(given.sightings.looks[number]):
         return f"{name} shows too little detail to be placed"
     if not shared[nearest]:
         return f"{name} shares nothing with the other pictures"
@@ -564,117 +560,7 @@ def _check_contradictions(names: Sequence[str], fit: ModelFit) -> None:
     bundle = fit.bundle
     if fit.clear or not fit.outvoted:
         return
-    diagonals = np.hypot(*bundle.sizes.T)
     off = bundle.medians({pair: fit.matches[pair] for pair in fit.outvoted})
-    elsewhere = [pair for pair in fit.outvoted if off[pair] > ELSEWHERE * diagonals[list(pair)].min()]
+    elsewhere = placed_elsewhere(bundle.sizes, off)
     if elsewhere:
         raise ambiguous(list(names), elsewhere, max(off.values()))
-
-
-def _check_pair(given: _Set, matches: Mapping[Pair, Match], best: Floats) -> None:
-    """Refuse two pictures that show nothing in common."""
-    if len(given.pictures) != 2 or matches:
-        return
-    shared, correlation = len(given.sightings.shared((0, 1))), float(best.max())
-    seen = zip(given.names, given.sightings.looks, strict=True)
-    plain = [name for name, look in seen if len(look.keypoints) < _PLAIN]
-    if plain:
-        why = f"{' and '.join(plain)} {'shows' if len(plain) == 1 else 'show'} too little detail"
-    elif correlation > -1:
-        needed = given.options.least_correlation
-        why = f"the correlation of their overlap is {correlation:.2f}, {needed:g} is needed"
-    else:
-        why = f"they share {counted(shared, 'feature')}, and too few of them agree on one overlap"
-    raise OverlapError(
-        "{first} and {name} cannot be placed: {why}; say where they lie, or which points they share",
-        kind="fits none",
-        layers=(1,),
-        first=given.names[0],
-        name=given.names[1],
-        why=why,
-    )
-
-
-def _check_joined(
-    pictures: Sequence[Layer],
-    matches: Mapping[Pair, Match],
-    best: Floats,
-    least: float,
-    shared: npt.NDArray[np.intp] | None = None,
-) -> None:
-    """Refuse pictures that are not joined to most of the others by pairs that agree. All are named, with the
-    features that they share.
-    """
-    own = groups(len(pictures), matches)
-    sizes = np.bincount(own)
-    if len(sizes) == 1:
-        return
-    lost = [np.flatnonzero(own == group) for group in dict.fromkeys(own) if group != sizes.argmax()]
-    alone = np.array([members[0] for members in lost if len(members) == 1], np.intp)
-    others = [members for members in lost if len(members) > 1]
-    told = []
-    if len(alone):
-        most = 0 if shared is None else int(shared[alone].max())
-        if best[alone].max() > -1:
-            close = f"the best correlation is {best[alone].max():.2f}, {least:g} is needed"
-        elif most:
-            share = _each(alone, "it shares", "they share")
-            close = f"{share} {counted(most, 'feature')} at most, and too few agree"
-        else:
-            close = f"{_each(alone, 'it has', 'they have')} nothing in common"
-        told.append(
-            f"{_named(pictures, alone)} {_each(alone, 'fits', 'fit')} none of the other pictures ({close})"
-        )
-    if others:
-        shown = ", and ".join(_named(pictures, members) for members in others)
-        told.append(f"{shown} show something else than the other pictures")
-    remedies = []
-    if len(alone):
-        remedies.append(f"leave {_each(alone, 'it', 'them')} out, or say where the pictures lie")
-    if others:
-        remedies.append(f"join the {'two' if len(others) == 1 else len(others) + 1} groups apart")
-    members = np.concatenate(lost).tolist()
-    if len(alone) == 1:
-        kind, data = "fits none", {"name": pictures[alone[0]].name}
-    elif len(alone):
-        kind, data = "fit none", {"names": _named(pictures, alone)}
-    else:
-        kind, data = "apart in groups", {"name": pictures[members[0]].name}
-        data["others"] = _named(pictures, np.array(members[1:]))
-    raise OverlapError(
-        "{what}; {remedies}",
-        kind=kind,
-        layers=tuple(sorted(members)),
-        what=", and ".join(told),
-        remedies="; ".join(remedies),
-        **data,
-    )
-
-
-def _check_exact(pictures: Sequence[Layer], doubts: Floats) -> None:
-    """Refuse pictures whose corners are open by so many px, and name all of them, the worst first."""
-    worst_first = np.argsort(-doubts, kind="stable")
-    unsure = worst_first[doubts[worst_first] > LARGEST_DOUBT]
-    if len(unsure):
-        raise OverlapError(
-            "{name} cannot be placed exactly: what {shared} with the others leaves "
-            "{up_to}{off} px open; {remedy}, or say where the pictures lie",
-            kind="inexact",
-            layers=tuple(unsure.tolist()),
-            name=_named(pictures, unsure),
-            shared=_each(unsure, "it shares", "they share"),
-            up_to=_each(unsure, "", "up to "),
-            off=f"{doubts.max():.1f}",
-            remedy=_each(unsure, "leave it out", "let them overlap more"),
-        )
-
-
-def _each(indices: npt.NDArray[np.intp], one: str, several: str) -> str:
-    return one if len(indices) == 1 else several
-
-
-def _named(pictures: Sequence[Layer], indices: npt.NDArray[np.intp]) -> str:
-    names = [pictures[index].name for index in indices]
-    if len(names) > _NAMED + 1:
-        names[_NAMED:] = [f"{len(names) - _NAMED} more"]
-    return names[0] if len(names) == 1 else f"{names[0]} and {', '.join(names[1:])}"

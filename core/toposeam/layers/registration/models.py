@@ -36,7 +36,7 @@ from toposeam.layers.registration.bundle_adjustment import (
 from toposeam.layers.registration.consensus import ELSEWHERE
 from toposeam.layers.registration.features import Look
 from toposeam.layers.registration.homography import applied
-from toposeam.layers.registration.outlier_pairs import outvoted
+from toposeam.layers.registration.outlier_pairs import divided
 from toposeam.layers.registration.pair_matching import Match, groups
 from toposeam.layers.registration.patches import LaidPatches, find_patches
 
@@ -170,9 +170,7 @@ def _voted(sizes: Floats, matches: Mapping[Pair, Match], adjust: _Adjust) -> Mod
             kept, bundle = now, adjust({pair: matches[pair] for pair in now}, bundle)
     off = bundle.medians(matches)
     largest = max(_OFF * scale, _usual(off, kept or tree, diagonal))
-    wrong = {pair: strengths[pair] for pair in matches if off[pair] > largest}
-    right = {pair: strengths[pair] for pair in matches if off[pair] <= largest}
-    clear = not wrong or (not groups(len(sizes), right).any() and outvoted(len(sizes), right, wrong))
+    right, wrong, clear = divided(len(sizes), strengths, off, largest)
     return ModelFit(
         bundle=bundle,
         matches={pair: matches[pair] for pair in (right if clear else matches)},

@@ -13,9 +13,7 @@ is but what the one part lets know of the other, their mutual information (:func
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
-from typing import Generic, TypeVar
+from collections.abc import Collection, Mapping
 
 import numpy as np
 import numpy.typing as npt
@@ -31,66 +29,12 @@ _OUTVOTED = 3
 #: Parts correlate no better than so much: what differs is noise.
 _SAME = 0.999
 _AVERAGINGS, _NEAREST = 60, 1e-3
-_ROUNDS = 8
 #: Into so many units the most evidence of a pair is divided.
 _UNITS = 1 << 20
 #: So many pairs are named at most.
 _NAMED = 8
 
 Floats = npt.NDArray[np.float64]
-#: Where all pictures lie, in whatever way that is said.
-Places = TypeVar("Places")
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Vote(Generic[Places]):
-    """Where most of the evidence places pictures."""
-
-    places: Places
-    #: The pairs that fit there and that do not, and how far each is off, px.
-    kept: list[Pair]
-    wrong: list[Pair]
-    off: dict[Pair, float]
-    #: Whether there are none that do not, or the others outvote them.
-    clear: bool
-
-
-def voted(
-    count: int,
-    evidence: Mapping[Pair, float],
-    solved: Callable[[Collection[Pair]], tuple[Places, dict[Pair, float]]],
-    of_most: Callable[[], dict[Pair, float]],
-    largest: float,
-) -> Vote[Places]:
-    """Where so many pictures belong, by the pairs that agree.
-
-    Parameters
-    ----------
-    count : int
-    evidence : mapping from pairs to float
-        How much each has (:func:`evidence_of`). They join all pictures.
-    solved : callable
-        Places by least squares from some pairs, and how far each of all pairs is off there, px.
-    of_most : callable
-        How far each is off where the sum of the distances is least.
-    largest : float
-        A pair that is farther off, px, does not fit.
-    """
-    places, off = solved(evidence.keys())
-    if max(off.values()) <= largest:
-        return Vote(places, list(evidence), [], off, clear=True)
-    off = of_most()
-    near = 3 * max(float(np.median(list(off.values()))), largest)
-    kept, settled = [pair for pair in evidence if off[pair] <= near], False
-    for _ in range(_ROUNDS):
-        if settled or groups(count, kept).any():
-            break
-        places, off = solved(kept)
-        before, kept = kept, [pair for pair in evidence if off[pair] <= largest]
-        settled = kept == before
-    wrong = [pair for pair in evidence if off[pair] > largest]
-    votes = [{pair: evidence[pair] for pair in pairs} for pairs in (kept, wrong)]
-    return Vote(places, kept, wrong, off, clear=settled and outvoted(count, *votes))
 
 
 def evidence_of(correlation: float, size: float) -> float:
@@ -125,7 +69,21 @@ def averaged(
     return values
 
 
-def outvoted(count: int, kept: dict[Pair, float], wrong: dict[Pair, float]) -> bool:
+def divided(
+    count: int, evidence: Mapping[Pair, float], off: Mapping[Pair, float], largest: float
+) -> tuple[list[Pair], list[Pair], bool]:
+    """Divide the pairs of so many pictures into those that fit and those that are farther off than so many
+    px, and tell whether there are none of these, or the others outvote them.
+    """
+    kept: list[Pair] = []
+    wrong: list[Pair] = []
+    for pair in evidence:
+        (wrong if off[pair] > largest else kept).append(pair)
+    votes = [{pair: evidence[pair] for pair in pairs} for pairs in (kept, wrong)]
+    return kept, wrong, not wrong or (not groups(count, kept).any() and _outvoted(count, *votes))
+
+
+def _outvoted(count: int, kept: dict[Pair, float], wrong: dict[Pair, float]) -> bool:
     """Whether between the pictures of every wrong pair, where the pairs that are kept have least evidence,
     they have several times as much as the wrong ones have there.
     """

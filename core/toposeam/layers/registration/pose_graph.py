@@ -1,7 +1,8 @@
 """Places of pictures, adjusted to the patches that pairs of them share: linear least squares.
 
 With T(x, y) = (a x - b y + u, b x + a y + v) per picture, T_i(p) = T_j(q) for every patch found at p in
-picture i and at q in picture j; the first picture's is the identity.
+picture i and at q in picture j, weighted by the inverse of its uncertainty; the first picture's is the
+identity.
 """
 
 from __future__ import annotations
@@ -11,6 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+import scipy
+from scipy.sparse import csr_array
 
 from toposeam.layers.labelling.problem import Pair
 from toposeam.layers.registration.pair_matching import Match
@@ -29,6 +32,8 @@ _NOBODY_SEES = {"shift": 2, "turn": 3, "similarity": 4}
 #: Patches of a pair overlap, and err alike: so many count as one (benchmarks/placing.py: of 29 sets, no
 #: picture is farther off than 4 standard deviations). None is more exact than so many px.
 _ALIKE, _FINEST = 16, 0.02
+#: Share of their diagonal by which normal equations are damped, so that what no patch says does not matter.
+_DAMPED = 1e-12
 
 Floats = npt.NDArray[np.float64]
 
@@ -43,7 +48,7 @@ class Adjustment:
     misfit: float
     #: One standard deviation of what the patches that were used leave, px, and (M, 4 N) what they said.
     noise: float
-    matrix: Floats
+    matrix: csr_array
     freedom: str
 
 
@@ -81,15 +86,17 @@ def _simplest(several: list[Floats], matches: dict[Pair, Match]) -> int:
     return int(np.argmin(costs))
 
 
-def offsets(transforms: Floats, matches: dict[Pair, Match]) -> dict[Pair, float]:
+def offsets(transforms: Floats, matches: dict[Pair, Match], order: float = 2) -> dict[Pair, float]:
     """How far each pair's patches lie apart, px, in the median."""
-    return {(i, j): float(np.median(residuals(transforms, i, j, match))) for (i, j), match in matches.items()}
+    return {
+        pair: float(np.median(residuals(transforms, *pair, match, order))) for pair, match in matches.items()
+    }
 
 
-def residuals(transforms: Floats, i: int, j: int, match: Match) -> Floats:
-    """(M,) how far each of a pair's patches lies apart, px."""
+def residuals(transforms: Floats, i: int, j: int, match: Match, order: float = 2) -> Floats:
+    """(M,) how far each of a pair's patches lies apart, px, by the norm of that order."""
     distance = _applied(transforms[i], match.first) - _applied(transforms[j], match.second)
-    return np.asarray(np.hypot(*distance.T))
+    return np.asarray(np.linalg.norm(distance, order, axis=1))
 
 
 def _applied(transform: Floats, points: Floats) -> Floats:
@@ -105,45 +112,61 @@ def least_squares(count: int, matches: dict[Pair, Match], freedom: str) -> Adjus
     transforms = np.tile([1.0, 0.0, 0.0, 0.0], (count, 1))
     used = {pair: np.ones(len(match.first), bool) for pair, match in matches.items()}
     columns = np.array([4 * index + k for index in range(1, count) for k in free])
+    fixed = np.setdiff1d(np.arange(4 * count), columns)
+    equations = _equations(count, matches)
     for _ in range(4):
-        blocks = []
-        for (i, j), match in matches.items():
-            keep = used[i, j]
-            block = np.zeros((2 * int(keep.sum()), count, 4))
-            for sign, index, points in ((1, i, match.first[keep]), (-1, j, match.second[keep])):
-                block[:, index] += sign * _terms(points).reshape(-1, 4)
-            blocks.append(block.reshape(len(block), -1))
-        matrix = np.concatenate(blocks)
-        fixed = np.setdiff1d(np.arange(4 * count), columns)
+        matrix = equations[np.repeat(np.concatenate(list(used.values())), 2)]
         right = -matrix[:, fixed] @ transforms.reshape(-1)[fixed]
-        solution, _, rank, _ = np.linalg.lstsq(matrix[:, columns], right, rcond=None)
+        solution = _solved(matrix[:, columns], right)
         transforms.reshape(-1)[columns] = solution
         if freedom == "turn":
             transforms[:, 0] = np.sqrt(1 - np.clip(transforms[:, 1], -0.5, 0.5) ** 2)
-        for (i, j), match in matches.items():
-            off = residuals(transforms, i, j, match)
-            used[i, j] = off <= max(_OUTLIER, 2 * float(np.median(off)))
+        off = {pair: residuals(transforms, *pair, match) for pair, match in matches.items()}
+        before = used
+        used = {pair: own <= max(_OUTLIER, 2 * float(np.median(own))) for pair, own in off.items()}
+        if freedom != "turn" and all(np.array_equal(used[pair], before[pair]) for pair in used):
+            break  # the next solution is the same
     left = matrix[:, columns] @ solution - right
-    noise = _ALIKE * float(left @ left) / max(len(left) - int(rank), 1)
-    misfit = max(
-        float(np.median(residuals(transforms, i, j, match)[used[i, j]])) for (i, j), match in matches.items()
-    )
+    noise = _ALIKE * float(left @ left) / max(len(left) - len(columns), 1)
+    misfit = max(float(np.median(own[used[pair]])) for pair, own in off.items())
     return Adjustment(transforms, misfit, float(np.sqrt(noise)), matrix, freedom)
+
+
+def _equations(count: int, matches: dict[Pair, Match]) -> csr_array:
+    """(2 M, 4 N): what every patch says of the transforms of so many pictures, in x and in y."""
+    values, columns = [], []
+    for pair, match in matches.items():
+        terms = np.stack([_terms(match.first), -_terms(match.second)], axis=2)
+        values.append(
+            terms / np.broadcast_to(match.uncertainty, len(terms))[:, np.newaxis, np.newaxis, np.newaxis]
+        )
+        columns.append(np.broadcast_to(4 * np.array(pair)[:, np.newaxis] + np.arange(4), terms.shape))
+    entries = np.concatenate(values).ravel()
+    starts = np.arange(0, len(entries) + 1, 8)
+    return csr_array((entries, np.concatenate(columns).ravel(), starts), shape=(len(starts) - 1, 4 * count))
+
+
+def _solved(matrix: csr_array, right: Floats) -> Floats:
+    """Solve sparse equations by least squares: normal equations, and once more for what these leave."""
+    normal = (matrix.T @ matrix).tocsc()
+    factors = scipy.sparse.linalg.splu(normal + scipy.sparse.diags_array(_DAMPED * normal.diagonal()).tocsc())
+    solution = factors.solve(matrix.T @ right)
+    return np.asarray(solution + factors.solve(matrix.T @ (right - matrix @ solution)))
 
 
 def open_corners(sizes: Floats, solution: Adjustment) -> Floats:
     """How far, px, each picture's corners are open, one standard deviation. That all pictures together may
     lie elsewhere, or turned, nobody sees: the least of all such covariances (Baarda's S-transformation).
     """
-    count, freedom, matrix, transforms = len(sizes), solution.freedom, solution.matrix, solution.transforms
+    count, freedom, transforms = len(sizes), solution.freedom, solution.transforms
     moves = np.tile(np.eye(4)[:, _FREE[freedom]], (count, 1, 1))
     if freedom == "turn":
         moves[:, 0, 0], moves[:, 1, 0] = -transforms[:, 1], transforms[:, 0]
-    design = np.einsum("mci,cik->mck", matrix.reshape(-1, count, 4), moves).reshape(len(matrix), -1)
+    design = solution.matrix @ scipy.sparse.block_diag(moves)
     corners = np.stack([_terms(size[::-1] * np.array([[0, 0], [0, 1], [1, 0], [1, 1]])) for size in sizes])
     reached = np.einsum("ncpi,nik->ncpk", corners, moves)
     at_corners = np.einsum("ncpk,nm->ncpmk", reached, np.eye(count)).reshape(8 * count, -1)
-    values, vectors = np.linalg.eigh(design.T @ design)
+    values, vectors = np.linalg.eigh((design.T @ design).toarray())
     none = _NOBODY_SEES[freedom]
     errors = at_corners @ (vectors[:, none:] / np.sqrt(values[none:].clip(1e-12)))
     unseen = np.linalg.qr(at_corners @ vectors[:, :none])[0]

@@ -114,9 +114,8 @@ def face_areas(spacing: Sequence[float]) -> tuple[np.float32, ...]:
     >>> [float(area) for area in face_areas((8, 1, 1))]
     [0.25, 2.0, 2.0]
     """
-    lengths = check_spacing(spacing)
-    side = float(np.prod(lengths)) ** (1 / 3)
-    return tuple(np.float32(side / length) for length in lengths)
+    side = float(np.prod(spacing)) ** (1 / 3)
+    return tuple(np.float32(side / length) for length in spacing)
 
 
 def check_spacing(spacing: Sequence[float]) -> tuple[float, float, float]:

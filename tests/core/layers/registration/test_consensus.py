@@ -7,10 +7,10 @@ import pytest
 from skimage import data
 
 import toposeam as ts
-from toposeam.layers.registration import find_places as placing
 from toposeam.layers.registration import pair_matching
 from toposeam.layers.registration.consensus import without_contradictions
 from toposeam.layers.registration.pair_matching import Match
+from toposeam.layers.registration.refusals import check_exact, check_joined
 
 WIDTH, HEIGHT = 300, 200
 STEP = 200, 130
@@ -146,25 +146,25 @@ def test_all_strangers_are_named_at_once():
         "pictures lie; join the two groups apart$"
     )
     with pytest.raises(ts.OverlapError, match=sentence):
-        placing._check_joined(pictures, matches, best, 0.5)
+        check_joined(pictures, matches, best, 0.5)
     lone = r"^p4 and p5, p6, p7, p8 fit none of the other pictures \(they have nothing in common\); leave"
     few = dict(list(matches.items())[:3]), np.full(9, -1.0), 0.5
     with pytest.raises(ts.OverlapError, match=lone):
-        placing._check_joined(pictures, *few)
+        check_joined(pictures, *few)
     with pytest.raises(ts.OverlapError, match=r"\(they share 8 features at most, and too few agree\)"):
-        placing._check_joined(pictures, *few, np.arange(9))
+        check_joined(pictures, *few, np.arange(9))
 
 
 def test_all_pictures_that_cannot_be_placed_exactly_are_named():
     pictures = [ts.Layer(np.zeros((20, 20), np.uint8), name=f"p{index}") for index in range(4)]
     worst_first = r"^p3 and p1 cannot be placed exactly: .* up to 0\.9 px open; let"
     with pytest.raises(ts.OverlapError, match=worst_first):
-        placing._check_exact(pictures, np.array([0.1, 0.5, 0.4, 0.9]))
+        check_exact(pictures, np.array([0.1, 0.5, 0.4, 0.9]))
     with pytest.raises(
         ts.OverlapError, match=r"^p1 cannot be placed exactly: what it shares .* 0\.5 px open"
     ):
-        placing._check_exact(pictures, np.array([0.1, 0.5, 0.4, 0.3]))
-    placing._check_exact(pictures, np.full(4, 0.4))
+        check_exact(pictures, np.array([0.1, 0.5, 0.4, 0.3]))
+    check_exact(pictures, np.full(4, 0.4))
 
 
 def test_what_is_the_same_tells_more_than_what_repeats_itself():

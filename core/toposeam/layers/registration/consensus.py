@@ -5,6 +5,7 @@ averaged first and then shifts.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -109,7 +110,12 @@ def without_contradictions(
     OverlapError
         When more than these do not fit; the text names the pairs.
     """
-    evidence = {pair: evidence_of(match.correlation, len(match.first)) for pair, match in matches.items()}
+    evidence = {  # where somebody gave the points, no patches were compared
+        pair: evidence_of(match.share, match.features)
+        if math.isnan(match.correlation)
+        else evidence_of(match.correlation, len(match.first))
+        for pair, match in matches.items()
+    }
     vote = voted(len(sizes), matches, evidence, partial(adjusted, sizes, freedoms=freedoms), largest)
     elsewhere = placed_elsewhere(sizes, {pair: vote.off[pair] for pair in vote.wrong})
     if vote.clear and len(elsewhere) == len(vote.wrong):

@@ -1,5 +1,7 @@
 """Pairs that match where they do not belong: known, left out where others outvote them, and named."""
 
+import dataclasses
+import math
 import re
 
 import numpy as np
@@ -58,6 +60,17 @@ def test_pairs_that_match_elsewhere_are_outvoted(seed):
     solution, used = without_contradictions(NAMES, SIZES, dict(sorted({**right, **wrong}.items())))
     assert set(used) == set(right) - set(wrong)
     assert off(solution) < 0.5
+
+
+def test_points_that_somebody_gave_outvote_what_matches_elsewhere():
+    rng, shown = np.random.default_rng(3), (0, 1, 4, 5)
+    matches = {(i, j): match(shown[i], shown[j], rng) for i in range(4) for j in range(i + 1, 4)}
+    matches[1, 2] = match(1, 4, rng, patches=5, elsewhere=(90, 0))
+    matches[0, 1] = dataclasses.replace(matches[0, 1], correlation=math.nan, features=200)
+    solution, used = without_contradictions([NAMES[k] for k in shown], SIZES[:4], matches)
+    assert set(used) == set(matches) - {(1, 2)}
+    expected = np.array([PLACES[k] for k in shown], float)
+    assert np.abs(solution.transforms[:, 2:] - expected).max() < 0.5
 
 
 def test_where_nothing_contradicts_all_pairs_are_used():

@@ -96,13 +96,15 @@ def _halved(below: Floats32) -> Floats32:
     np.minimum(least[:, 1:], odd[:, :-1], out=least[:, 1:])
     closed = np.isinf(even)
     even[closed] = least[closed]
+    missing = np.isinf(even)
     even *= np.float32(1 - _WANDERING)
     least *= np.float32(_WANDERING)
     even += least
-    first, second = even[::2], even[1::2]
-    # Of two edges one may be no way: at the border, where the path has to begin, and across what it avoids.
-    dear = np.float32(even.size) * even.max(where=np.isfinite(even), initial=0)
-    return np.where(np.isinf(first) != np.isinf(second), np.minimum(first, second) + dear, first + second)
+    # At the border, along which the path may begin, one of two edges may be missing.
+    even[missing] = 0
+    result = even[::2] + even[1::2]
+    result[missing[::2] & missing[1::2]] = np.inf
+    return result
 
 
 def _nearest(below: Floats32, beside: Floats32, corner: tuple[int, int]) -> int | None:

@@ -63,6 +63,20 @@ def test_ends_on_a_border_without_edges_beside_it_are_reached():
     assert cheapest_path(below, beside, ends, whole=1000)[1] <= 1.05 * cheapest_path(below, beside, ends)[1]
 
 
+@pytest.mark.parametrize("size", [(160, 121), (161, 120), (163, 123)])
+def test_a_path_may_first_run_along_a_border(size):
+    (h, w), rng = size, np.random.default_rng(5)
+    below, beside = (np.full(size, np.inf, np.float32) for _ in range(2))
+    below[1 : h - 2, 1 : w - 2] = rng.uniform(900, 1100, (h - 3, w - 3))
+    beside[2 : h - 2, 1 : w - 2] = rng.uniform(900, 1100, (h - 4, w - 3))
+    beside[[1, h - 2], 1 : w - 2] = 0  # nothing lies beyond, so that this costs nothing
+    below[1 : h - 2, w - 20 : w - 18] = 1
+    ends = w + 1, (h - 2) * w + 1
+    least = cheapest_path(below, beside, ends)[1]
+    assert least < 2 * h
+    assert cheapest_path(below, beside, ends, whole=below.size // 3)[1] <= 1.01 * least
+
+
 def test_no_way_is_none_however_many_corners_are_searched():
     below, beside = costs(3, 60, 60)
     below[30] = np.inf

@@ -51,6 +51,7 @@ def compose(
 
     Examples
     --------
+    >>> import numpy as np
     >>> whole = np.random.default_rng(0).random((30, 60))
     >>> compose([Layer(whole[:, :40]), Layer(whole[:, 20:], at=(20, 0))])
     Composition(2 layers, 60 × 30 px, 1 seam)

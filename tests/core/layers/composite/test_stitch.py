@@ -347,7 +347,7 @@ def test_options_may_come_as_one_value():
 
 
 @pytest.mark.parametrize("join", [ts.stitch, ts.layers.compose])
-def test_an_option_that_is_misspelt_is_refused_with_those_there_are(join):
+def test_a_misspelt_option_is_refused_with_those_there_are(join):
     layers = [crop(0, 0), crop(25, 0)]
     with pytest.raises(ts.OptionError, match="does not know tolerence; its options are tolerance"):
         join(layers, tolerence=3)

@@ -2,10 +2,12 @@
 
 import dataclasses
 import inspect
+from typing import get_type_hints
 
 import pytest
 
 import toposeam as ts
+from toposeam.layers.composite.options import StitchKeywords
 from toposeam.motif.generate import RecipeKeywords
 from toposeam.motif.ink.svg import SvgKeywords
 from toposeam.path.gather import PathKeywords
@@ -27,6 +29,13 @@ from toposeam.volume.heat.method import SurfaceKeywords
 def test_keywords_are_fields_of_options(keywords, options):
     fields = {field.name for kind in options for field in dataclasses.fields(kind)}
     assert set(keywords.__annotations__) == fields
+
+
+def test_keywords_of_stitch_are_its_options_by_name_and_type():
+    options, methods = get_type_hints(ts.layers.StitchOptions), get_type_hints(SeamKeywords)
+    assert not options.keys() & methods.keys()
+    assert get_type_hints(StitchKeywords) == options | methods
+    assert {name for name in options if f"`{name}`" not in ts.stitch.__doc__} == set()
 
 
 def test_keywords_of_motifs_are_those_of_recipes():

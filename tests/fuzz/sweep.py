@@ -4,7 +4,6 @@
 the library's errors. What a caller's own function raises is the caller's.
 """
 
-import inspect
 import json
 
 import functions
@@ -67,7 +66,7 @@ def valid(function, known):
 
 
 def parameters(function):
-    all_of = inspect.signature(function).parameters.items()
+    all_of = functions.parameters_of(function).items()
     return {key: one for key, one in all_of if one.kind not in (one.VAR_KEYWORD, one.VAR_POSITIONAL)}
 
 

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
 import click
 
 import toposeam as ts
-from toposeam.layers.composite.local_warp import check_give, give_way
 from toposeam.layers.execution.tasks import Executor
 from toposeam.layers.search.options import Effort
 from toposeam_cli.app.command import option
@@ -28,6 +27,8 @@ from toposeam_cli.stitching.seam_files import given_seams
 _STRANGE = 0.1
 #: So many pairs of pictures are named in warnings of one kind.
 _SHOWN = 3
+#: Fields of :class:`SeamOptions` that :class:`toposeam.layers.StitchOptions` has not, or has as pixels.
+_NO_KEYWORDS = {"align", "align_radius", "avoid", "formulation", "law", "plain", "use_seam"}
 
 
 def shared_work(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -79,7 +80,9 @@ def means_of(folder: Path, files: Sequence[Path], processes: int, dask: str | No
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SeamOptions:
-    """Options of the seam search, and of blending across seams."""
+    """Options of the seam search, and of blending across seams; those that
+    :class:`toposeam.layers.StitchOptions` has, too, mean the same there.
+    """
 
     avoid: Path | None
     law: ts.typing.Law | None
@@ -191,40 +194,23 @@ def composed_as(
     TopoSeamError
         As :func:`toposeam.layers.compose` raises it, with the file that is meant.
     """
-    options: dict[str, Any] = {} if find.formulation is None else {"formulation": find.formulation}
+    names = {field.name for field in fields(find)} - _NO_KEYWORDS
+    given = {name: value for name in names if (value := getattr(find, name)) is not None}
     if find.plain:
-        options = {"options": ts.seam.ThesisOptions.plain(**options)}
-    paths = given_seams(find.use_seam, job)
-    check_give(find.give or 0, paths)
-
-    def composed(layers: Sequence[ts.Layer], tones: bool) -> ts.layers.Composition:
-        with share_bar(f"joining {_names(job.layers)}", out.quiet) as progress:
-            return ts.layers.compose(
-                layers,
-                method=find.method,
-                effort=find.effort,
-                use_path=paths,
-                record_frames=out.history is not None,
-                progress=progress,
-                executor=executor,
-                cost=None if find.law is None else ts.seam.MatchCost(law=find.law),
-                core=find.core,
-                speck=find.speck,
-                match_tones=tones and bool(find.match_tones),
-                match_shading=tones and bool(find.match_shading),
-                wrap=find.wrap,
-                blend=find.blend or "none",
-                blend_width=find.blend_width,
-                max_megapixels=max(find.max_megapixels, ts.MAX_PIXELS / 1e6),
-                avoid=None if find.avoid is None else read_avoid(find.avoid, job.shape, find.max_megapixels),
-                **options,
-            )
-
+        form = {} if find.formulation is None else {"formulation": find.formulation}
+        given["options"] = ts.seam.ThesisOptions.plain(**form)
+    elif find.formulation is not None:
+        given["formulation"] = find.formulation
+    if find.law is not None:
+        given["cost"] = ts.seam.MatchCost(law=find.law)
+    if find.avoid is not None:
+        given["avoid"] = read_avoid(find.avoid, job.shape, find.max_megapixels)
+    given["max_megapixels"] = max(find.max_megapixels, ts.MAX_PIXELS / 1e6)
+    given["use_path"] = given_seams(find.use_seam, job)
+    given["record_frames"] = out.history is not None
     try:
-        found = composed(job.layers, True)
-        if find.give:
-            found = give_way(found, find.give, lambda bent: composed(bent, False))
-        return found
+        with share_bar(f"joining {_names(job.layers)}", out.quiet) as progress:
+            return ts.layers.compose(job.layers, executor=executor, progress=progress, **given)
     except ts.OverlapError as error:
         if files[0].suffix.lower() != ".ora":
             raise

@@ -4,6 +4,7 @@ from .canvas.resampling import placed
 from .canvas.side_by_side import overlapping
 from .composite.compose import compose
 from .composite.composition import Composition
+from .composite.options import StitchOptions
 from .composite.restitch import restitch
 from .composite.stitch import Stitched, pair_name
 from .exposure.gains import match_tones
@@ -15,6 +16,7 @@ __all__ = [
     "Aligned",
     "Composition",
     "Placement",
+    "StitchOptions",
     "Stitched",
     "align",
     "common_canvas",

@@ -1,5 +1,6 @@
 """``toposeam stitch``: where B lies, how the seam is found, and the seam as a path."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -10,6 +11,7 @@ from PIL import Image
 import toposeam as ts
 from stitching import STRIP, assert_joined, shown
 from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
+from toposeam_cli.stitching import search_options
 
 #: Placements of B, which has the size of A, and what they make of the overlap.
 PLACEMENTS = {
@@ -287,3 +289,12 @@ def test_one_command_may_write_back_to_the_path_it_uses(folder, toposeam):
         == 0
     )
     assert ts.vector.read_svg("seam.svg").metadata["method"] == "path"
+
+
+def test_what_is_handed_on_by_name_is_an_option_of_stitch():
+    own, there = (
+        {field.name for field in dataclasses.fields(kind)}
+        for kind in (search_options.SeamOptions, ts.layers.StitchOptions)
+    )
+    assert own - search_options._NO_KEYWORDS <= there
+    assert own >= search_options._NO_KEYWORDS

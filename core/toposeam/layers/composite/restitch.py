@@ -11,13 +11,22 @@ import scipy
 
 from toposeam.checks import check_items
 from toposeam.errors import OptionError, PathError, Term
-from toposeam.images import as_mask, full_scale
-from toposeam.layers.blending.blend import Blend, Blender, Placed, check_blend
-from toposeam.layers.canvas.layer import MAX_MEGAPIXELS, Extent, Layer, check_layers, common_canvas
-from toposeam.layers.canvas.painting import LabelMap, channel_count, paint
-from toposeam.layers.canvas.tile_map import blocks
-from toposeam.layers.composite.stitch import Stitched, pair_name, stitch
-from toposeam.layers.composite.two_layers import moved_seam, paths_by_pair
+from toposeam.images import as_mask
+from toposeam.layers.blending.blend import Blend
+from toposeam.layers.canvas.layer import (
+    MAX_MEGAPIXELS,
+    Extent,
+    Layer,
+    check_layers,
+    common_canvas,
+    extent_of,
+)
+from toposeam.layers.canvas.painting import LabelMap
+from toposeam.layers.canvas.tile_map import blocks, cover_of, dense
+from toposeam.layers.composite.label_maps import Labelled, SeamSearch, check_alike, labelled, masked
+from toposeam.layers.composite.options import StitchOptions
+from toposeam.layers.composite.stitch import Stitched, pair_name, stitched
+from toposeam.layers.composite.two_layers import LayersOnCanvas, moved_seam, paths_by_pair
 from toposeam.layers.labelling.problem import Pair
 from toposeam.seam.problem.overlap import FREE, NONE, A, B
 from toposeam.seam.result.apply import labels_from_paths
@@ -65,6 +74,7 @@ def restitch(
 
     Examples
     --------
+    >>> from toposeam.layers.composite.stitch import stitch
     >>> from toposeam.vector.polyline import Polyline
     >>> whole = np.random.default_rng(0).random((30, 60))
     >>> layers = [Layer(whole[:, :40]), Layer(whole[:, 20:], at=(20, 0))]
@@ -74,7 +84,7 @@ def restitch(
     True
     """
     layers = check_layers(layers)
-    check_blend(blend, blend_width)
+    options = StitchOptions(blend=blend, blend_width=blend_width, max_megapixels=max_megapixels)
     masks = check_items("masks", masks, object, "one mask per layer")
     if len(masks) != len(layers):
         raise OptionError(
@@ -84,47 +94,32 @@ def restitch(
             count=len(masks),
             wanted=len(layers),
         )
-    canvas = common_canvas(layers, max_megapixels=max_megapixels)
-    places = [canvas.place(layer) for layer in layers]
-    covered = [layer.covered for layer in layers]
-    label_map: LabelMap = np.full(canvas.shape, -1, np.int16)
-    for index, (place, mask) in enumerate(zip(places, masks, strict=True)):
-        shown = as_mask(mask, canvas.shape, f"masks[{index}]")[place.slices]
-        here = label_map[place.slices]
-        here[covered[index] & (shown | (here < 0))] = index
-    seams: dict[Pair, Seam] = {}
-    for pair, drawing in paths_by_pair(paths, len(layers), "paths").items():
-        seams[pair] = _divide(layers, canvas, label_map, pair, drawing)
-    image, alpha = paint(layers, places, label_map, canvas.box, channel_count(layers))
-    placed = Placed(layers=layers, places=places, covered=covered, label_map=label_map)
-    blender = Blender(placed, lambda: (), "feather" if blend == "soft" else blend, blend_width)
-    if blend == "gradient":
-        blender.spread(image)
-    for tile in blocks(canvas.box):
-        blender.blend(tile, image[tile.slices], alpha[tile.slices])
-    return Stitched(
-        image=image,
-        alpha=None if bool((alpha == full_scale(image.dtype)).all()) else alpha,
-        label_map=label_map,
-        _seams=tuple(seams.values()),
-        pairs=tuple(seams),
-        names=tuple(layer.name for layer in layers),
-        rounds=0,
-        origin=canvas.origin,
+    canvas = common_canvas(layers, max_megapixels=options.max_megapixels)
+    places, covered = [canvas.place(layer) for layer in layers], list(map(cover_of, layers))
+    ground = LayersOnCanvas(layers, canvas, places, covered)
+    shown = [as_mask(mask, canvas.shape, f"masks[{index}]") for index, mask in enumerate(masks)]
+    label_map = masked(ground, shown)
+    drawings = paths_by_pair(paths, len(layers), "paths")
+    seams = {pair: _divide(ground, label_map, pair, drawing) for pair, drawing in drawings.items()}
+    found = Labelled(
+        canvas=canvas,
+        placed=ground.showing(label_map),
+        seam=lambda pair, beside: seams[pair],
+        pairs=list(seams),
     )
+    return stitched(found.composition(layers, "feather" if blend == "soft" else blend, blend_width))
 
 
-def _divide(
-    layers: Sequence[Layer], canvas: Extent, label_map: LabelMap, pair: Pair, drawing: SvgSeam
-) -> Seam:
+def _divide(ground: LayersOnCanvas, label_map: LabelMap, pair: Pair, drawing: SvgSeam) -> Seam:
     """Divide what a pair shows along a path, in place."""
+    layers, canvas = ground.layers, ground.canvas
     both = []
     for index in pair:
-        theirs = np.isin(label_map[canvas.place(layers[index]).slices], pair)
-        allowed = theirs if len(layers) > 2 else True
-        both.append(dataclasses.replace(layers[index], mask=layers[index].covered & allowed))
-    part = common_canvas(both)
-    shift = np.subtract(part.origin, canvas.origin).astype(float)
+        place, cover = ground.places[index], dense(ground.covered[index])
+        theirs = np.isin(label_map[place.slices], pair) if len(layers) > 2 else True
+        both.append(dataclasses.replace(layers[index], mask=cover & theirs))
+    part = extent_of(both)
+    shift = np.subtract(part.origin, canvas.origin)
     height, width = canvas.shape
     if (drawing.width, drawing.height) != (width, height):
         raise PathError(
@@ -139,14 +134,18 @@ def _divide(
     lines = tuple(dataclasses.replace(line, points=line.points - shift) for line in drawing.polylines)
     there = SvgSeam(lines, part.shape[1], part.shape[0], None, drawing.names)
     try:
-        joined = stitch(_with_kernel(both, there, part), use_path=there)
+        check_alike(both)
+        search = SeamSearch.of(StitchOptions(), 2)
+        joined = labelled(_with_kernel(both, there, part), part, search, {(0, 1): there})
     except PathError as error:
         name = pair_name(*(layers[index].name for index in pair))
         raise (error.within("{name}: {error}", name=name) if len(layers) > 2 else error) from None
-    box = canvas.place(Layer(joined.image, at=joined.origin))
-    for index, mask in zip(pair, joined.masks, strict=True):
-        label_map[box.slices][mask] = index
-    return moved_seam(joined.seams[0], box, canvas, label_map, pair[1])
+    box = part.box.moved(int(shift[1]), int(shift[0]))
+    for tile in blocks(box):
+        labels = joined.placed.label_map[tile.within(box)]
+        before = label_map[tile.slices]
+        label_map[tile.slices] = np.where(labels < 0, before, np.array(pair, np.int16)[labels])
+    return moved_seam(joined.seam((0, 1), False), box, canvas, label_map, pair[1])
 
 
 def _with_kernel(both: Sequence[Layer], drawing: SvgSeam, canvas: Extent) -> list[Layer]:

@@ -1,9 +1,10 @@
-"""Two layers joined, paths between layers applied, and in which order layers are joined."""
+"""Layers on their canvas, two of them joined along a seam, and in which order more are joined."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from toposeam.checks import check_kind, check_pair
 from toposeam.errors import OptionError, OverlapError, PathError, Term
 from toposeam.images import Mask
+from toposeam.layers.blending.blend import Placed
 from toposeam.layers.canvas.layer import Box, Extent, Layer, cut
 from toposeam.layers.canvas.painting import LabelMap, channel_count, paint
 from toposeam.layers.canvas.tile_map import blocks, dense, is_empty, new_map
@@ -21,23 +23,34 @@ from toposeam.seam.problem.natural import CELL
 from toposeam.seam.result.seam import Seam, apply_paths
 from toposeam.vector.svg import SvgSeam
 
+#: Options that are arrays on the canvas.
+_MAPS = ("weight", "avoid")
 
-class Steps:
-    """Layers joined one after another; `label_map` says which one shows so far."""
 
-    def __init__(
-        self,
-        layers: Sequence[Layer],
-        canvas: Extent,
-        channels: int | None,
-        on_canvas: Mapping[str, Any],
-        options: dict[str, Any],
-    ) -> None:
-        self._layers, self._canvas, self._channels = layers, canvas, channels
-        self._on_canvas, self._options = on_canvas, options
-        self.places = [canvas.place(layer) for layer in layers]
-        self.covered = exclusive_covers(layers, self.places, canvas)
-        for index, (layer, own) in enumerate(zip(layers, self.covered, strict=True)):
+@dataclass(frozen=True, slots=True, eq=False)
+class LayersOnCanvas:
+    """Layers, where they lie on their canvas, and where each may show."""
+
+    layers: Sequence[Layer]
+    canvas: Extent
+    places: Sequence[Box]
+    #: Per layer, on its place, where it has pixels and no other layer must be kept.
+    covered: Sequence[Mask]
+
+    @classmethod
+    def of(cls, layers: Sequence[Layer], canvas: Extent) -> LayersOnCanvas:
+        """Place layers on a canvas and find where each may show.
+
+        Raises
+        ------
+        OverlapError
+            When a layer can show nowhere.
+        OptionError
+            When two layers must both be kept at a pixel.
+        """
+        places = [canvas.place(layer) for layer in layers]
+        covered = exclusive_covers(layers, places, canvas)
+        for index, (layer, own) in enumerate(zip(layers, covered, strict=True)):
             if is_empty(own):
                 x, y = layer.at
                 raise OverlapError(
@@ -50,57 +63,87 @@ class Steps:
                     x=x,
                     y=y,
                 )
-        self.label_map: LabelMap = new_map(canvas.shape, -1, np.int16)
+        return cls(layers, canvas, places, covered)
 
-    def join(self, index: int, options: Mapping[str, Any], drawing: SvgSeam | None = None) -> Seam:
-        """The seam of the second of two layers with the first."""
-        layer, place = self._layers[index], self.places[index]
-        # All that matters lies where both are, and two pixels around: gradients and grounds end there. What
-        # is a speck is counted there too, so that a drawn seam is applied to the box it was found in.
-        box = place.shared(self.places[0]).grown(2)
-        # Cells of the match cost begin at even pixels of the canvas.
-        box = Box(box.top - box.top % CELL, box.left - box.left % CELL, *box[2:]).shared(self._canvas.box)
-        if not all(place.shared(self.places[0]).shape):
-            box = self._canvas.box
-        if drawing is not None and (drawing.height, drawing.width) == self._canvas.shape:
-            drawing = _on_box(drawing, box)
-        elif drawing is not None:
-            box = self._canvas.box  # where the drawing is refused
-        covers = [cut(cover, at, box) for cover, at in zip(self.covered, self.places, strict=True)]
-        first, second = (
-            paint([one], [at], np.where(cover, np.int16(0), np.int16(-1)), box, self._channels)[0]
-            for one, at, cover in zip(self._layers, self.places, covers, strict=True)
-        )
-        common: dict[str, Any] = {
-            name: None if values is None else cut(values, self._canvas.box, box)
-            for name, values in self._on_canvas.items()
-        } | self._options
-        try:
-            if drawing is not None:
-                seam = apply_paths(drawing, first, second, covers[0], covers[1], **common)
-            else:
-                seam = find_seam(first, second, covers[0], covers[1], **common, **options)
-        except (OverlapError, PathError) as error:
-            named = error.naming(a=self._layers[0].name, b=layer.name)
-            if isinstance(error, PathError):
-                raise named from error
-            x, y = layer.at
-            raise named.within("{name} (at {x},{y}): {error}", name=layer.name, x=x, y=y) from error
-        self._show(seam, box)
-        return moved_seam(seam, box, self._canvas, self.label_map, index)
+    def showing(self, label_map: LabelMap) -> Placed:
+        """Return the layers with a label map, which says where each shows."""
+        return Placed(layers=self.layers, places=self.places, covered=self.covered, label_map=label_map)
 
-    def _show(self, seam: Seam, box: Box) -> None:
-        canvas = self._canvas.box
-        for index, (place, cover) in enumerate(zip(self.places, self.covered, strict=True)):
-            for part in blocks(place):
-                here = cut(cover, place, part)
-                before = self.label_map[part.slices]
-                self.label_map[part.slices] = np.where(here, np.int16(index), before)
-        shared = [cut(cover, place, box) for cover, place in zip(self.covered, self.places, strict=True)]
-        labels = cut(self.label_map, canvas, box)
-        both = shared[0] & shared[1]
-        labels[both] = np.where(seam.labels[both], np.int16(1), np.int16(0))
-        self.label_map[box.slices] = labels
+
+def join(
+    two: LayersOnCanvas,
+    common: Mapping[str, Any],
+    settings: Mapping[str, Any],
+    drawing: SvgSeam | None = None,
+) -> tuple[Seam, LabelMap]:
+    """Find the seam of the second of two layers with the first, or apply a drawn one.
+
+    Parameters
+    ----------
+    two : LayersOnCanvas
+    common : mapping
+        Options of :func:`toposeam.find_seam` that drawn seams have, too; `weight` and `avoid` on the canvas.
+    settings : mapping
+        Its other options.
+    drawing : SvgSeam, optional
+        On the canvas.
+
+    Returns
+    -------
+    Seam
+        On the canvas.
+    (H, W) int16 array
+        The label map.
+    """
+    canvas, (place_a, place_b) = two.canvas.box, two.places
+    # All that matters lies where both are, and two pixels around: gradients and grounds end there. What
+    # is a speck is counted there too, so that a drawn seam is applied to the box it was found in.
+    box = place_b.shared(place_a).grown(2)
+    # Cells of the match cost begin at even pixels of the canvas.
+    box = Box(box.top - box.top % CELL, box.left - box.left % CELL, *box[2:]).shared(canvas)
+    if not all(place_b.shared(place_a).shape):
+        box = canvas
+    if drawing is not None and (drawing.height, drawing.width) == two.canvas.shape:
+        drawing = _on_box(drawing, box)
+    elif drawing is not None:
+        box = canvas  # where the drawing is refused
+    cover_a, cover_b = (cut(cover, at, box) for cover, at in zip(two.covered, two.places, strict=True))
+    channels = channel_count(two.layers)
+    first, second = (
+        paint([one], [at], np.where(cover, np.int16(0), np.int16(-1)), box, channels)[0]
+        for one, at, cover in zip(two.layers, two.places, (cover_a, cover_b), strict=True)
+    )
+    maps = {name: cut(common[name], canvas, box) for name in _MAPS if common.get(name) is not None}
+    here = {**common, **maps}
+    try:
+        if drawing is not None:
+            seam = apply_paths(drawing, first, second, cover_a, cover_b, **here)
+        else:
+            seam = find_seam(first, second, cover_a, cover_b, **here, **settings)
+    except (OverlapError, PathError) as error:
+        a, b = two.layers
+        named = error.naming(a=a.name, b=b.name)
+        if isinstance(error, PathError):
+            raise named from error
+        x, y = b.at
+        raise named.within("{name} (at {x},{y}): {error}", name=b.name, x=x, y=y) from error
+    label_map = _shown(two, seam, box)
+    return moved_seam(seam, box, two.canvas, label_map, 1), label_map
+
+
+def _shown(two: LayersOnCanvas, seam: Seam, box: Box) -> LabelMap:
+    """Compute the label map of two layers and their seam on a box of the canvas."""
+    label_map: LabelMap = new_map(two.canvas.shape, -1, np.int16)
+    for index, (place, cover) in enumerate(zip(two.places, two.covered, strict=True)):
+        for part in blocks(place):
+            here = cut(cover, place, part)
+            before = label_map[part.slices]
+            label_map[part.slices] = np.where(here, np.int16(index), before)
+    first, second = (cut(cover, place, box) for cover, place in zip(two.covered, two.places, strict=True))
+    labels, both = cut(label_map, two.canvas.box, box), first & second
+    labels[both] = np.where(seam.labels[both], np.int16(1), np.int16(0))
+    label_map[box.slices] = labels
+    return label_map
 
 
 def _on_box(drawing: SvgSeam, box: Box) -> SvgSeam:
@@ -156,27 +199,25 @@ def paths_by_pair(
     return paths
 
 
-def divided(
-    layers: Sequence[Layer], canvas: Extent, pair: Pair, drawing: SvgSeam, options: dict[str, Any]
-) -> Mask:
-    """(H, W) bool on the canvas, True where a given seam shows the second layer of its pair."""
-    steps = Steps([layers[index] for index in pair], canvas, channel_count(layers), {}, options)
+def divided(ground: LayersOnCanvas, pair: Pair, drawing: SvgSeam, common: Mapping[str, Any]) -> Mask:
+    """Find where a given seam shows the second layer of its pair, (H, W) bool on the canvas."""
+    first, second = (ground.layers[index] for index in pair)
     try:
-        return steps.join(1, {}, drawing).labels
+        return join(LayersOnCanvas.of([first, second], ground.canvas), common, {}, drawing)[0].labels
     except PathError as error:
-        first, second = (layers[index].name for index in pair)
         raise error.within(
-            "between {first} and {second}: {error}", layers=pair, first=first, second=second
+            "between {first} and {second}: {error}", layers=pair, first=first.name, second=second.name
         ) from error
 
 
-def order_of(layers: Sequence[Layer], places: Sequence[Box], covered: Sequence[Mask]) -> list[int]:
+def order_of(ground: LayersOnCanvas) -> list[int]:
     """The layers in their order, each that overlaps none before it waiting until one does.
 
     Raises
     ------
     OverlapError
     """
+    layers, places, covered = ground.layers, ground.places, ground.covered
     order, waiting = [0], list(range(1, len(layers)))
     while waiting:
         index = next((k for k in waiting if any(meets(places, covered, k, j) for j in order)), None)

@@ -5,6 +5,7 @@ import pytest
 from scipy import ndimage
 
 import toposeam as ts
+from toposeam.layers.composite.compose import shown_as
 from toposeam.layers.composite.cylindrical import Turned, best_cut, turned
 
 PERIOD = 360
@@ -143,3 +144,14 @@ def test_blends_go_on_over_the_edge(blend, turn):
     steps = np.abs(excess.mean(axis=(0, 2)))  # of whole columns: noise averages out
     assert steps[-1] < 1.0
     assert steps[-1] <= np.quantile(steps, 0.9) + 0.25
+
+
+@pytest.mark.parametrize("blend", ["multiband", "gradient"])
+def test_masks_say_what_shows_on_a_round_canvas(blend):
+    layers = views(panorama(np.random.default_rng(6)), gains=[1, 1.1, 1, 0.9])
+    found = ts.stitch(layers, wrap=PERIOD, blend=blend)
+    again = shown_as(layers, found.masks, found.label_map.shape, blend=blend, wrap=PERIOD)
+    image, alpha = again.window(slice(None), slice(None))
+    np.testing.assert_array_equal(again.labels(slice(None), slice(None)), found.label_map)
+    np.testing.assert_array_equal(image, found.image)
+    assert alpha.min() == 255

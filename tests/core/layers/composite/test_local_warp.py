@@ -1,5 +1,7 @@
 """Layers that are bent along their seams."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy import ndimage
@@ -141,3 +143,19 @@ def test_what_crosses_a_seam_goes_on_all_the_way_round(start):
     steps = np.abs(np.roll(given.image.astype(int), 4, axis=1) - np.roll(given.image.astype(int), 3, axis=1))
     rows = slice(10, -10)
     assert steps[rows, 4].mean() < 2 * np.median(steps[rows].mean(axis=(0, 2)))
+
+
+def test_pictures_whose_places_were_found_go_round_bent_or_not(monkeypatch):
+    found = SimpleNamespace(layers=ring(150), wrap=PERIOD, left_out={})
+    monkeypatch.setattr("toposeam.layers.composite.compose.find_places", lambda pictures, executor: found)
+    composed = ts.layers.compose([layer.image for layer in found.layers], give=6)
+    assert composed.bent > 2
+    assert composed.period == PERIOD
+
+
+def test_progress_grows_over_both_searches():
+    shares = []
+    ts.stitch(two(wave), give=6, method="heat", progress=shares.append)
+    assert shares == sorted(shares)
+    assert shares[-1] == 1
+    assert {share > 0.5 for share in shares} == {False, True}

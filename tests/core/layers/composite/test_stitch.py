@@ -346,6 +346,40 @@ def test_options_may_come_as_one_value():
     np.testing.assert_array_equal(given.image, plain.image)
 
 
+@pytest.mark.parametrize("join", [ts.stitch, ts.layers.compose])
+def test_a_misspelt_option_is_refused_with_those_there_are(join):
+    layers = [crop(0, 0), crop(25, 0)]
+    with pytest.raises(ts.OptionError, match="does not know tolerence; its options are tolerance"):
+        join(layers, tolerence=3)
+    with pytest.raises(ts.OptionError, match="method dp takes no options, but tolerence was given"):
+        join(layers, method="dp", tolerence=3)
+
+
+@pytest.mark.parametrize(
+    ("options", "phrase"),
+    [
+        ({"method": "x"}, "method is 'x'"),
+        ({"method": "dp", "options": ts.seam.HeatOptions()}, "takes no options"),
+        ({"gradient": True, "cost": ts.seam.MatchCost()}, "both given"),
+        ({"core": 2}, "core is 2"),
+        ({"speck": -1}, "speck is -1"),
+        ({"blend": "soft", "blend_width": 3}, "has no width"),
+        ({"match_tones": 3}, "match_tones is 3"),
+        ({"give": 99}, "give is 99"),
+        ({"give": 1, "use_path": {(0, 1): "path"}}, "give bends layers"),
+        ({"max_rounds": 1.5}, "max_rounds is 1.5"),
+        ({"effort": "x"}, "effort is 'x'"),
+        ({"max_megapixels": 0}, "max_megapixels is 0"),
+        ({"record_frames": 3}, "record_frames is 3"),
+        ({"executor": 3}, "executor is of type int"),
+        ({"progress": 3}, "progress is 3"),
+    ],
+)
+def test_options_are_refused_before_there_are_layers(options, phrase):
+    with pytest.raises(ts.OptionError, match=phrase):
+        ts.layers.StitchOptions(**options)
+
+
 def test_results_are_one_line_and_show_themselves(tmp_path):
     stitched = ts.stitch([crop(0, 0), crop(25, 0)])
     assert repr(stitched).startswith("Stitched(2 layers, ")

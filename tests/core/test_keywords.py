@@ -2,6 +2,7 @@
 
 import dataclasses
 import inspect
+import re
 from typing import get_type_hints
 
 import pytest
@@ -35,7 +36,9 @@ def test_keywords_of_stitch_are_its_options_by_name_and_type():
     options, methods = get_type_hints(ts.layers.StitchOptions), get_type_hints(SeamKeywords)
     assert not options.keys() & methods.keys()
     assert get_type_hints(StitchKeywords) == options | methods
-    assert {name for name in options if f"`{name}`" not in ts.stitch.__doc__} == set()
+    said = re.compile(r"^    (\w+(?:, \**\w+)*)(?: :|$)", re.MULTILINE).findall(ts.stitch.__doc__)
+    assert set(options) <= set(", ".join(said).split(", "))
+    assert set(options) < set(inspect.signature(ts.stitch).parameters)
 
 
 def test_keywords_of_motifs_are_those_of_recipes():

@@ -94,14 +94,6 @@ FUNCTIONS = {
 }
 
 
-def parameters_of(function):
-    """The parameters of a function, and the options that are keywords of it."""
-    parameters = dict(inspect.signature(function).parameters)
-    if function in (ts.stitch, ts.layers.compose):
-        parameters |= inspect.signature(ts.layers.StitchOptions).parameters
-    return parameters
-
-
 class Fuzzer:
     def __init__(self, seed):
         self.rng = random.Random(seed)  # noqa: S311 - no secret
@@ -177,7 +169,7 @@ class Fuzzer:
         name = self.rng.choice(sorted(FUNCTIONS))
         careful = self.rng.random() < 0.5
         arguments, keywords = [], {}
-        parameters = parameters_of(FUNCTIONS[name]).items()
+        parameters = inspect.signature(FUNCTIONS[name]).parameters.items()
         for key, parameter in parameters:
             if parameter.kind is parameter.VAR_KEYWORD:
                 continue

@@ -4,6 +4,7 @@
 the library's errors. What a caller's own function raises is the caller's.
 """
 
+import inspect
 import json
 
 import functions
@@ -66,7 +67,7 @@ def valid(function, known):
 
 
 def parameters(function):
-    all_of = functions.parameters_of(function).items()
+    all_of = inspect.signature(function).parameters.items()
     return {key: one for key, one in all_of if one.kind not in (one.VAR_KEYWORD, one.VAR_POSITIONAL)}
 
 

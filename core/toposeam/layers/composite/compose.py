@@ -17,7 +17,7 @@ from toposeam.layers.composite.composition import Composition
 from toposeam.layers.composite.cylindrical import turned
 from toposeam.layers.composite.label_maps import Labelled, SeamSearch, check_alike, labelled, masked
 from toposeam.layers.composite.local_warp import give_way
-from toposeam.layers.composite.options import StitchKeywords, StitchOptions
+from toposeam.layers.composite.options import StitchKeywords, StitchOptions, with_signature
 from toposeam.layers.composite.two_layers import LayersOnCanvas, paths_by_pair
 from toposeam.layers.composite.whole_turn import going_round, labelled_round
 from toposeam.layers.exposure.gains import match_tones
@@ -26,8 +26,9 @@ from toposeam.layers.registration.find_places import find_places
 from toposeam.seam.result.seam import Seam
 
 
+@with_signature
 def compose(
-    layers: Sequence[Layer] | Sequence[npt.NDArray[Any]], **options: Unpack[StitchKeywords]
+    layers: Sequence[Layer] | Sequence[npt.NDArray[Any]], **keywords: Unpack[StitchKeywords]
 ) -> Composition:
     """Decide which of placed layers shows where, for a picture that need not fit into memory.
 
@@ -35,7 +36,7 @@ def compose(
     ----------
     layers : sequence of Layer
         As for :func:`toposeam.stitch`; their images may be :class:`toposeam.Windows`.
-    **options
+    **keywords
         Those of :func:`toposeam.stitch`.
 
     Returns
@@ -56,7 +57,7 @@ def compose(
     >>> compose([Layer(whole[:, :40]), Layer(whole[:, 20:], at=(20, 0))])
     Composition(2 layers, 60 × 30 px, 1 seam)
     """
-    placed, chosen = _with_places(layers, StitchOptions.of(options))
+    placed, chosen = _with_places(layers, StitchOptions.of(keywords))
     if not chosen.give:
         return _composed(placed, chosen)
     first, second = (dataclasses.replace(chosen, progress=_half(chosen, start)) for start in (0.0, 0.5))

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 import numpy.typing as npt
 
@@ -23,6 +24,9 @@ from toposeam.seam.problem.match_cost import MatchCost, match_options
 from toposeam.seam.problem.overlap import check_core
 from toposeam.seam.thesis.options import ThesisOptions
 from toposeam.vector.svg import SvgSeam
+
+Parameters = ParamSpec("Parameters")
+Result = TypeVar("Result")
 
 #: Rounds of expansions at most; three are typical.
 MAX_ROUNDS = 10
@@ -56,7 +60,7 @@ class StitchKeywords(SeamKeywords, total=False):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StitchOptions:
-    """Options of :func:`toposeam.stitch` and :func:`toposeam.layers.compose`, which take them as keywords.
+    """Options of :func:`toposeam.stitch`, which says what each means, and :func:`toposeam.layers.compose`.
 
     Raises
     ------
@@ -71,67 +75,26 @@ class StitchOptions:
     (None, 10)
     """
 
-    #: How a seam is found, as for :func:`toposeam.find_seam`. Of two layers the blend "soft" makes `auto`
-    #: choose `heat`. Regions between more than two layers are no strips: `thesis` and `dp` leave them to
-    #: `auto`.
     method: Method = "auto"
-    #: Short for the law "gradient" of the match cost, or "colour". Not together with `cost`.
     gradient: bool | None = None
-    #: All options of the match cost, as for :func:`toposeam.find_seam`. Without it, the blends "soft" and
-    #: "multiband" set its `reach` to how far they reach.
     cost: MatchCost | None = None
-    #: How the method goes about it; the fields may be given as plain keywords instead.
     options: HeatOptions | ThesisOptions | None = None
-    #: (H, W) on the canvas: a positive factor on the cost of each pixel's interfaces.
     weight: npt.ArrayLike | None = field(default=None, repr=False)
-    #: (H, W) on the canvas: pixels no seam may touch.
     avoid: npt.ArrayLike | None = field(default=None, repr=False)
-    #: In (0, 1]: what must show of a layer that others cover wholly: this share of its depth, from its middle
-    #: outwards; 1 is all of it but its border, where the seam must run. By default a layer that lies inside
-    #: one other layer shows the half of its depth, and one that several others together cover shows only
-    #: where that makes the seams cheaper, which may be nowhere (:attr:`Stitched.hidden`).
     core: float | None = None
-    #: A piece of a layer that others cover wholly need not show if it cannot show so many connected pixels,
-    #: unless the layer has hardly anything else; by default 64, or 0.05 % of the layer's own if that is more.
-    #: 0 lets every piece show.
     speck: float | None = None
-    #: What happens across the seams (:mod:`toposeam.layers.blending.blend`): "none", "feather", "soft",
-    #: "multiband" or "gradient". The masks stay hard.
     blend: Blend = "none"
-    #: Of `feather`, `multiband` and `gradient`, px.
     blend_width: float | None = None
-    #: Whether each layer first gets a gain per channel so that overlaps agree
-    #: (:mod:`toposeam.layers.exposure.gains`).
     match_tones: bool = False
-    #: The same, and a smooth field of gain, since lenses darken towards the corners
-    #: (:mod:`toposeam.layers.exposure.shading`).
     match_shading: bool = False
-    #: Bend the layers by up to so many px until what crosses a seam goes on behind it, and search the seams
-    #: again (:mod:`toposeam.layers.composite.local_warp`), where that makes them clearly cheaper. All layers
-    #: have to fit into memory.
     give: int = 0
-    #: Seams that were read from files, on the canvas: of the only two layers, or of pairs of layers by
-    #: number.
     use_path: SvgSeam | Mapping[Pair, SvgSeam] | None = None
-    #: Rounds of expansions at most; 0 leaves the seams as they were found one after another.
     max_rounds: int = MAX_ROUNDS
-    #: How thoroughly the seams of more than two layers are searched, "fast" or "best". By default "fast" up
-    #: to 12 layers and "best" from 13 on. "best" searches canvases of up to 4 megapixels twice, on costs
-    #: reduced in two ways, and once more at full size where three layers meet; it takes two to four times as
-    #: long, and its seams cost the same or less by up to some per cent.
     effort: Effort | SearchOptions | None = None
-    #: Refuse a larger canvas.
     max_megapixels: float = MAX_MEGAPIXELS
-    #: The canvas goes round, as a panorama of 360° does, and is so many px wide: what reaches over the right
-    #: edge lies at the left one, and seams and blending know it.
     wrap: int | None = None
-    #: For two layers: keep the densities of every iteration in ``Seam.frames``.
     record_frames: bool = False
-    #: Where what does not depend on each other is done, a :class:`concurrent.futures.Executor`; the result is
-    #: the same. Layers are handed to it: let their images be Windows that are small when pickled, such as
-    #: those that know a file's name.
     executor: Executor | None = None
-    #: Called with the share of the work done, in [0, 1].
     progress: Callable[[float], None] | None = None
 
     def __post_init__(self) -> None:
@@ -175,3 +138,12 @@ class StitchOptions:
         if match.reach is not None:
             return match
         return dataclasses.replace(match, reach=reach_of(self.blend, self.blend_width))
+
+
+def with_signature(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
+    """Show the fields of :class:`StitchOptions` in the signature of a function that takes them."""
+    own = inspect.signature(function).parameters
+    fields = inspect.signature(StitchOptions).parameters
+    ordered = sorted([*own.values(), *fields.values()], key=lambda one: one.kind)
+    setattr(function, "__signature__", inspect.Signature(ordered))  # noqa: B010
+    return function

@@ -17,7 +17,7 @@ from toposeam.layers.canvas.layer import Layer
 from toposeam.layers.canvas.painting import LabelMap
 from toposeam.layers.composite.compose import compose
 from toposeam.layers.composite.composition import Composition, Outline
-from toposeam.layers.composite.options import StitchKeywords
+from toposeam.layers.composite.options import StitchKeywords, with_signature
 from toposeam.layers.labelling.problem import Pair
 from toposeam.picture_files import PictureResult
 from toposeam.saving import save
@@ -148,8 +148,9 @@ def pair_name(first: str, second: str) -> str:
     return " ".join(f"{first} : {second}".split())
 
 
+@with_signature
 def stitch(
-    layers: Sequence[Layer] | Sequence[npt.NDArray[Any]], **options: Unpack[StitchKeywords]
+    layers: Sequence[Layer] | Sequence[npt.NDArray[Any]], **keywords: Unpack[StitchKeywords]
 ) -> Stitched:
     """Join placed layers.
 
@@ -164,13 +165,59 @@ def stitch(
         At least two, of one dtype; gray layers are widened to the others' channels. Of arrays the places are
         found first, by :func:`toposeam.find_places`; those that fit none of the others are left out with a
         warning.
-    **options
-        Fields of :class:`toposeam.layers.StitchOptions`, which says what each means, and of
-        :class:`toposeam.seam.HeatOptions` or :class:`toposeam.seam.ThesisOptions`: `blend`, `blend_width`,
-        `match_tones`, `match_shading` and `give` for how the picture looks; `method`, `options`, `cost`,
-        `gradient`, `effort` and `max_rounds` for how seams are searched; `weight`, `avoid`, `core`, `speck`
-        and `use_path` for where they run; `wrap` and `max_megapixels` for the canvas; `record_frames`,
-        `progress` and `executor`.
+    method, gradient, cost, options, **keywords
+        As for :func:`toposeam.find_seam`; without `cost`, the blends "soft" and "multiband" set its `reach`
+        to how far they reach. Of two layers the blend "soft" makes `auto` choose `heat`. Regions between more
+        than two layers are no strips: `thesis` and `dp` leave them to `auto`.
+    weight : (H, W) array_like on the canvas, optional
+        A positive factor on the cost of each pixel's interfaces.
+    avoid : (H, W) array_like on the canvas, optional
+        Pixels no seam may touch.
+    core : float in (0, 1], optional
+        What must show of a layer that others cover wholly: this share of its depth, from its middle outwards;
+        1 is all of it but its border, where the seam must run. By default a layer that lies inside one other
+        layer shows the half of its depth, and one that several others together cover shows only where that
+        makes the seams cheaper, which may be nowhere (:attr:`Stitched.hidden`).
+    speck : float, optional
+        A piece of a layer that others cover wholly need not show if it cannot show so many connected pixels,
+        unless the layer has hardly anything else; by default 64, or 0.05 % of the layer's own if that is
+        more. 0 lets every piece show.
+    blend : {"none", "feather", "soft", "multiband", "gradient"}
+        What happens across the seams (:mod:`toposeam.layers.blending.blend`). The masks stay hard.
+    blend_width : float, optional
+        Of `feather`, `multiband` and `gradient`, in px.
+    match_tones : bool
+        First give each layer a gain per channel so that overlaps agree
+        (:mod:`toposeam.layers.exposure.gains`).
+    match_shading : bool
+        The same, and a smooth field of gain, since lenses darken towards the corners
+        (:mod:`toposeam.layers.exposure.shading`).
+    give : int
+        Bend the layers by up to so many px until what crosses a seam goes on behind it, and search the seams
+        again (:mod:`toposeam.layers.composite.local_warp`), where that makes them clearly cheaper. All layers
+        have to fit into memory.
+    use_path : SvgSeam, or mapping of (int, int) to SvgSeam, optional
+        Seams that were read from files, on the canvas: of the only two layers, or of pairs of layers by
+        number.
+    max_rounds : int
+        Rounds of expansions at most; 0 leaves the seams as they were found one after another.
+    effort : {"fast", "best"}, optional
+        How thoroughly the seams of more than two layers are searched. By default "fast" up to 12 layers and
+        "best" from 13 on. "best" searches canvases of up to 4 megapixels twice, on costs reduced in two ways,
+        and once more at full size where three layers meet; it takes two to four times as long, and its seams
+        cost the same or less by up to some per cent.
+    max_megapixels : float
+        Refuse a larger canvas.
+    wrap : int, optional
+        The canvas goes round, as a panorama of 360° does, and is so many px wide: what reaches over the right
+        edge lies at the left one, and seams and blending know it.
+    record_frames : bool
+        For two layers: keep the densities of every iteration in ``Seam.frames``.
+    progress : callable, optional
+        Called with the share of the work done, in [0, 1].
+    executor : concurrent.futures.Executor, optional
+        Where what does not depend on each other is done; the result is the same. Layers are handed to it:
+        let their images be Windows that are small when pickled, such as those that know a file's name.
 
     Returns
     -------
@@ -194,8 +241,8 @@ def stitch(
     >>> stitch([whole[:, :180], whole[:, 120:]], blend="feather").image.shape
     (160, 300)
     """
-    whole = stitched(compose(layers, **options))
-    if (progress := options.get("progress")) is not None:
+    whole = stitched(compose(layers, **keywords))
+    if (progress := keywords.get("progress")) is not None:
         progress(1.0)
     return whole
 

@@ -62,7 +62,7 @@ def test_pairs_that_match_elsewhere_are_outvoted(seed):
     assert off(solution) < 0.5
 
 
-def test_points_that_somebody_gave_outvote_what_matches_elsewhere():
+def test_given_points_outvote_what_matches_elsewhere():
     rng, shown = np.random.default_rng(3), (0, 1, 4, 5)
     matches = {(i, j): match(shown[i], shown[j], rng) for i in range(4) for j in range(i + 1, 4)}
     matches[1, 2] = match(1, 4, rng, patches=5, elsewhere=(90, 0))

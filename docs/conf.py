@@ -134,7 +134,7 @@ PAGES = {
 def offered() -> dict[str, str]:
     """Every public name as one writes it after ``toposeam.``, and the module that it comes from."""
     found = {}
-    for stub in sorted(_PUBLIC.glob("**/__init__.pyi")):
+    for stub in sorted([_PUBLIC / "__init__.pyi", *_PUBLIC.glob("*/__init__.pyi")]):
         room = ".".join(stub.parent.relative_to(_PUBLIC).parts)
         for node in ast.parse(stub.read_text(encoding="utf-8")).body:
             if isinstance(node, ast.ImportFrom) and node.module:

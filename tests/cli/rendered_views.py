@@ -7,7 +7,7 @@ from scipy import ndimage
 from skimage import data, transform
 from skimage.registration import phase_cross_correlation
 
-from toposeam.layers.canvas.transforms import CameraTransform
+from toposeam.layers.canvas import CameraTransform
 
 #: px of the scene for a px of a view, in its middle.
 DENSITY = 1.3

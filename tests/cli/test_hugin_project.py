@@ -11,9 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import toposeam as ts
-from toposeam.layers.canvas.layer import Box, Layer
-from toposeam.layers.canvas.transforms import CameraTransform
-from toposeam.layers.canvas.warping import warped
+from toposeam.layers.canvas import Box, CameraTransform, Layer, warped
 from toposeam_cli.media.layouts.hugin_project import ProjectPicture, project_text, read_project
 from toposeam_cli.media.layouts.tiff_place import tiff_place
 from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture

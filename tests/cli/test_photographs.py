@@ -15,7 +15,7 @@ from PIL import Image, ImageFilter
 from skimage import data
 
 from rendered_views import DENSITY, Scene, farthest_off, view
-from toposeam.layers.canvas.transforms import reach
+from toposeam.layers.canvas import reach
 from toposeam_cli.app.main import main
 from toposeam_cli.media.layouts.layout import read_layout
 from toposeam_cli.media.pictures.lens import equivalent_mm

@@ -10,7 +10,7 @@ from scipy import ndimage
 from skimage import data
 
 import toposeam as ts
-from toposeam.layers.canvas.largest_rectangle import largest_full
+from toposeam.layers.canvas import largest_full
 from toposeam_cli.app.options import Length
 from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
 from toposeam_cli.stitching.inputs import arrange

@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from toposeam.layers.canvas.layer import cut
-from toposeam.layers.labelling.problem import Labelling
+from toposeam.layers.canvas import cut
+from toposeam.layers.labelling import Labelling
 
 
 class Expansion:

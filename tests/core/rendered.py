@@ -5,7 +5,7 @@ from scipy import ndimage
 from skimage import data
 
 import toposeam as ts
-from toposeam.layers.canvas.transforms import CameraTransform, PlaneTransform
+from toposeam.layers.canvas import CameraTransform, PlaneTransform
 
 
 def turn(yaw, pitch=0.0, roll=0.0):

@@ -13,8 +13,8 @@ from toposeam.motif.generate import RecipeKeywords
 from toposeam.motif.ink.svg import SvgKeywords
 from toposeam.path.gather import PathKeywords
 from toposeam.seam.keywords import SeamKeywords
-from toposeam.texture.placement.options import LayKeywords
-from toposeam.volume.heat.method import SurfaceKeywords
+from toposeam.texture.placement import LayKeywords
+from toposeam.volume.heat import SurfaceKeywords
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from rendered import around, before_a_wall, corner_error, panorama_scene, ring_s
 from skimage import data
 
 import toposeam as ts
-from toposeam.layers.canvas.transforms import similarity
+from toposeam.layers.canvas import similarity
 from toposeam.layers.registration import features
 from toposeam.layers.registration import find_places as placing
 from toposeam.layers.registration.pair_matching import Sightings

@@ -9,7 +9,7 @@ import pytest
 
 import toposeam as ts
 from toposeam.motif.optimise.spots import _spread
-from toposeam.motif.symmetry.rules import HEXAGONAL
+from toposeam.motif.symmetry import HEXAGONAL
 
 QUICK = {"size": 48, "layers": 2, "iterations": 6}
 

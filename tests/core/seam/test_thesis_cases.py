@@ -11,7 +11,7 @@ import pytest
 
 import toposeam as ts
 from thesis_cases import ell, random_colours, toy, zigzag
-from toposeam.seam.thesis.options import ThesisOptions
+from toposeam.seam.thesis import ThesisOptions
 
 BOTH = pytest.mark.parametrize("method", ["heat", "thesis"])
 

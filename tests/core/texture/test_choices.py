@@ -5,10 +5,9 @@ import pytest
 from scipy import ndimage
 
 import toposeam as ts
-from toposeam.texture.canvas.index_canvas import IndexCanvas
-from toposeam.texture.exemplar.atlas import Atlas
-from toposeam.texture.placement.options import LayOptions
-from toposeam.texture.placement.patch_placer import PatchPlacer
+from toposeam.texture.canvas import IndexCanvas
+from toposeam.texture.exemplar import Atlas
+from toposeam.texture.placement import LayOptions, PatchPlacer
 
 
 def test_patches_are_taken_from_every_position_of_the_sample():

@@ -5,7 +5,7 @@ import pytest
 
 import toposeam as ts
 from toposeam.texture.fill import _grouped
-from toposeam.texture.placement.patch_placer import PatchPlacer
+from toposeam.texture.placement import PatchPlacer
 
 
 @pytest.mark.parametrize("shape", ["small", "large", "at the corner", "two"])

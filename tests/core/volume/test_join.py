@@ -9,12 +9,11 @@ from PIL import Image
 from scipy import ndimage
 
 import toposeam as ts
-from toposeam.seam.problem.overlap import Overlap
+from toposeam.seam.problem import Overlap
 from toposeam.volume.blocks import _even
-from toposeam.volume.heat.block_surface import coarse_span
-from toposeam.volume.problem.canvas import placed
+from toposeam.volume.heat import coarse_span
+from toposeam.volume.problem import SurfaceProblem, placed
 from toposeam.volume.problem.posing import surface_problem
-from toposeam.volume.problem.surface_problem import SurfaceProblem
 
 array = pytest.importorskip("dask.array")
 

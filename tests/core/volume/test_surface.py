@@ -8,10 +8,11 @@ import toposeam as ts
 from toposeam.heat.bricks import along
 from toposeam.heat.grid_flow import GridFlow
 from toposeam.heat.sweeps import Part
-from toposeam.seam.problem.overlap import A, B
-from toposeam.volume.heat.levels import VolumeLevel, coarser, refined, refined_filling
-from toposeam.volume.heat.method import SurfaceOptions, heat_surface
-from toposeam.volume.problem.posing import end_to_end, face_areas, surface_problem
+from toposeam.seam.problem import A, B
+from toposeam.volume.heat import SurfaceOptions, heat_surface, refined
+from toposeam.volume.heat.levels import VolumeLevel, coarser, refined_filling
+from toposeam.volume.problem import face_areas
+from toposeam.volume.problem.posing import end_to_end, surface_problem
 
 pytest.importorskip("maxflow")
 

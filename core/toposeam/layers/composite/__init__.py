@@ -1,1 +1,5 @@
 """From layers to a composite and its seams."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,1 +1,5 @@
 """Minimise the cost of a labelling: expansion moves, coarse to fine."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

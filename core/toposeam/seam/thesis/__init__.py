@@ -1,1 +1,5 @@
 """The thesis's method: SIMP and MMA on the ground structure."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -9,12 +9,12 @@ from skimage import data
 import toposeam as ts
 from toposeam.heat.poisson import spread_within
 from toposeam.layers.blending.gradient_domain import correction
-from toposeam.layers.canvas.layer import Box
+from toposeam.layers.canvas import Box
 from toposeam.layers.composite import composition
+from toposeam.layers.exposure import encoded
 from toposeam.layers.exposure.gains import tone_gains
-from toposeam.layers.exposure.linear_light import decoded, encoded
-from toposeam.seam.problem import pyramid
-from toposeam.seam.problem.pyramid import expand, expand_part, reduce
+from toposeam.layers.exposure.linear_light import decoded
+from toposeam.seam.problem import expand, expand_part, pyramid, reduce
 
 PHOTOGRAPH = data.coffee()[:180, 200:420]
 STRAIGHT = ts.vector.read_svg(

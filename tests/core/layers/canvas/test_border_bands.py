@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 
+from toposeam.layers.canvas import Box, Layer, TileMap, common_canvas, dense, full_within, rim, rimmed
 from toposeam.layers.canvas import tile_map as maps
-from toposeam.layers.canvas.border_bands import full_within, rim, rimmed
-from toposeam.layers.canvas.layer import Box, Layer, common_canvas
-from toposeam.layers.canvas.tile_map import TileMap, dense
 from toposeam.layers.labelling import posing
 from toposeam.layers.search import cost_coarsening as reduction
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import toposeam as ts
-from toposeam.layers.canvas.resampling import placed
+from toposeam.layers.canvas import placed
 
 
 @pytest.mark.parametrize("scale", [0, -1.0, float("nan")])

@@ -3,17 +3,7 @@
 import numpy as np
 import pytest
 
-from toposeam.layers.canvas.layer import Box
-from toposeam.layers.canvas.tile_map import (
-    TileMap,
-    blocks,
-    doubled,
-    ground,
-    is_empty,
-    part_of,
-    several,
-    uniform,
-)
+from toposeam.layers.canvas import Box, TileMap, blocks, doubled, ground, is_empty, part_of, several, uniform
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (4, 5)])

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from rendered import grid, turn
 
-from toposeam.layers.canvas.transforms import (
-    LARGEST_ENLARGEMENT,
+from toposeam.layers.canvas import (
     NOWHERE,
     PROJECTIONS,
     CameraTransform,
@@ -18,6 +17,7 @@ from toposeam.layers.canvas.transforms import (
     similarity,
     undistorted,
 )
+from toposeam.layers.canvas.transforms import LARGEST_ENLARGEMENT
 
 SIZE = (301, 201)
 MIDDLE = np.array([150.0, 100.0])

@@ -5,10 +5,18 @@ import pytest
 from rendered import grid, turn
 
 import toposeam as ts
-from toposeam.layers.canvas import warping
-from toposeam.layers.canvas.layer import Box
-from toposeam.layers.canvas.transforms import CameraTransform, PlaneTransform, similarity
-from toposeam.layers.canvas.warping import coordinates, inside, on_canvas, warped, warped_box
+from toposeam.layers.canvas import (
+    Box,
+    CameraTransform,
+    PlaneTransform,
+    coordinates,
+    inside,
+    on_canvas,
+    similarity,
+    warped,
+    warped_box,
+    warping,
+)
 
 WIDTH, HEIGHT = 180, 140
 IDENTITY = PlaneTransform(np.eye(3))

@@ -6,9 +6,8 @@ from scipy import ndimage
 from skimage import data
 
 import toposeam as ts
+from toposeam.layers.canvas import Box, TileMap, new_map, several, uniform
 from toposeam.layers.canvas import tile_map as maps
-from toposeam.layers.canvas.layer import Box
-from toposeam.layers.canvas.tile_map import TileMap, new_map, several, uniform
 from toposeam.layers.composite import composition
 from toposeam.layers.composite import composition_seams as made
 from toposeam.layers.labelling import pair_cost

@@ -5,7 +5,7 @@ import pytest
 from scipy import ndimage
 
 import toposeam as ts
-from toposeam.layers.composite.compose import shown_as
+from toposeam.layers.composite import shown_as
 from toposeam.layers.composite.cylindrical import Turned, best_cut, turned
 
 PERIOD = 360

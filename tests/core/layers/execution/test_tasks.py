@@ -10,19 +10,19 @@ import pytest
 from scipy import ndimage
 
 import toposeam as ts
+from toposeam.layers.canvas import Box, TileMap, part_of
 from toposeam.layers.canvas import tile_map as maps
-from toposeam.layers.canvas.layer import Box
-from toposeam.layers.canvas.tile_map import TileMap, part_of
 from toposeam.layers.composite import composition
 from toposeam.layers.composite import cylindrical as wrapping
-from toposeam.layers.execution.tasks import groups, results
+from toposeam.layers.execution import results
+from toposeam.layers.execution.tasks import groups
 from toposeam.layers.exposure import gains as tones
 from toposeam.layers.labelling import pair_cost
+from toposeam.layers.registration import correlations
 from toposeam.layers.registration import pair_matching as pairing
-from toposeam.layers.registration.align import correlations
+from toposeam.layers.search import SearchOptions
 from toposeam.layers.search import cost_coarsening as reduction
 from toposeam.layers.search import options as search_options
-from toposeam.layers.search.options import SearchOptions
 
 
 def copied(pickled):

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 import toposeam as ts
-from toposeam.layers.canvas.layer import Box, extent_of
+from toposeam.layers.canvas import Box, extent_of
+from toposeam.layers.exposure import encoded
 from toposeam.layers.exposure import gains as tones
 from toposeam.layers.exposure.gains import LARGEST_GAIN, tone_gains
-from toposeam.layers.exposure.linear_light import KNEE, decoded, encoded, finished, rolled
+from toposeam.layers.exposure.linear_light import KNEE, decoded, finished, rolled
 from toposeam.layers.exposure.scaled_layers import WHITE, Field, Toned
 
 DTYPES = [np.uint8, np.uint16, np.float32]

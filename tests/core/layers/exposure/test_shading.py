@@ -5,8 +5,9 @@ import pytest
 from scipy import ndimage
 
 import toposeam as ts
-from toposeam.layers.canvas.layer import Box
-from toposeam.layers.exposure.linear_light import decoded, encoded
+from toposeam.layers.canvas import Box
+from toposeam.layers.exposure import encoded
+from toposeam.layers.exposure.linear_light import decoded
 from toposeam.layers.exposure.shading import field_on, shading, weights_along
 
 SIDE, STEP = 240, 160

@@ -8,16 +8,13 @@ import pytest
 from skimage import data
 
 import toposeam as ts
+from toposeam.layers.canvas import Box, extent_of
 from toposeam.layers.canvas import tile_map as maps
-from toposeam.layers.canvas.layer import Box, extent_of
-from toposeam.layers.labelling import pair_cost
-from toposeam.layers.labelling.posing import exclusive_covers, pose_labelling
-from toposeam.layers.labelling.problem import Labelling
-from toposeam.layers.labelling.table_costs import TableCost
+from toposeam.layers.labelling import Labelling, TableCost, exclusive_covers, pair_cost, pose_labelling
+from toposeam.layers.search import SearchOptions
 from toposeam.layers.search import cost_coarsening as reduction
 from toposeam.layers.search.local_search import beside_seams
-from toposeam.layers.search.options import SearchOptions
-from toposeam.seam.problem.blend_reach import STEP, Reach
+from toposeam.seam.problem import STEP, Reach
 
 
 def posed(layers, **options):

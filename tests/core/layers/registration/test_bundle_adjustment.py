@@ -7,18 +7,10 @@ import numpy as np
 import pytest
 from rendered import around, before_a_wall, corner_error
 
-from toposeam.layers.canvas.transforms import NOWHERE, PlaneTransform
-from toposeam.layers.registration.bundle_adjustment import (
-    _Points,
-    _Problem,
-    adjust_cameras,
-    adjust_plane,
-    left_over,
-    spanning_tree,
-)
-from toposeam.layers.registration.homography import applied
+from toposeam.layers.canvas import NOWHERE, PlaneTransform
+from toposeam.layers.registration import Match, adjust_cameras, adjust_plane, applied, left_over
+from toposeam.layers.registration.bundle_adjustment import _Points, _Problem, spanning_tree
 from toposeam.layers.registration.models import _voted
-from toposeam.layers.registration.pair_matching import Match
 
 SIZE = (360, 240)
 FOCAL = 400.0

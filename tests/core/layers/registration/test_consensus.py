@@ -9,9 +9,7 @@ import pytest
 from skimage import data
 
 import toposeam as ts
-from toposeam.layers.registration import pair_matching
-from toposeam.layers.registration.consensus import without_contradictions
-from toposeam.layers.registration.pair_matching import Match
+from toposeam.layers.registration import Match, pair_matching, without_contradictions
 from toposeam.layers.registration.refusals import check_exact, check_joined
 
 WIDTH, HEIGHT = 300, 200

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import toposeam as ts
-from toposeam.layers.canvas.warping import inside
+from toposeam.layers.canvas import inside
 from toposeam.layers.registration.given_points import matches_of
 
 SIZES = [(120, 80), (120, 80), (60, 90)]

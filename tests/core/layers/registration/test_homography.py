@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from toposeam.layers.registration.homography import Homography, applied, find_homography, within
+from toposeam.layers.registration import applied
+from toposeam.layers.registration.homography import Homography, find_homography, within
 
 SIZE = (320, 240)
 TRUTH = np.array([[0.98, -0.06, 110.0], [0.05, 1.02, -12.0], [2e-4, -1.5e-4, 1.0]])

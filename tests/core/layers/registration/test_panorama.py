@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from rendered import before_a_wall, grid, turn
 
-from toposeam.layers.canvas.transforms import NOWHERE, PlaneTransform, reach
+from toposeam.layers.canvas import NOWHERE, PlaneTransform, reach
+from toposeam.layers.registration import View, camera_transforms, plane_transforms
 from toposeam.layers.registration.bundle_adjustment import Bundle
-from toposeam.layers.registration.panorama import View, camera_transforms, plane_transforms
 
 SIZE = (360, 240)
 MIDDLE = (np.array(SIZE) - 1) / 2

@@ -9,14 +9,18 @@ from scipy import ndimage
 from skimage import data
 
 import toposeam as ts
-from toposeam.layers.canvas.layer import Box
-from toposeam.layers.labelling.posing import exclusive_covers, pose_labelling
-from toposeam.layers.labelling.problem import Labelling
-from toposeam.layers.labelling.seam_lines import reached, square_dilation
-from toposeam.layers.labelling.table_costs import TableCost
-from toposeam.layers.search.expansion_moves import Choices
-from toposeam.seam.exact.maximum_flow import minimum_cut
-from toposeam.seam.heat.newton import gather_heat
+from toposeam.layers.canvas import Box
+from toposeam.layers.labelling import (
+    Labelling,
+    TableCost,
+    exclusive_covers,
+    pose_labelling,
+    reached,
+    square_dilation,
+)
+from toposeam.layers.search import Choices
+from toposeam.seam.exact import minimum_cut
+from toposeam.seam.heat import gather_heat
 
 by_flow = minimum_cut
 

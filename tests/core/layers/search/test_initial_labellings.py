@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import toposeam as ts
+from toposeam.layers.search import SearchOptions
 from toposeam.layers.search import initial_labellings as starts
-from toposeam.layers.search.options import SearchOptions
 
 
 def four(seed=3):

@@ -11,17 +11,23 @@ from hypothesis import strategies as st
 from skimage import data
 
 import toposeam as ts
-from toposeam.layers.blending.blend import reach_of
-from toposeam.layers.canvas.layer import Box
+from toposeam.layers.blending import reach_of
+from toposeam.layers.canvas import Box
 from toposeam.layers.composite.composition_seams import Made
-from toposeam.layers.labelling.posing import exclusive_covers, pose_labelling
-from toposeam.layers.labelling.seam_lines import beside_steps, junctions
-from toposeam.layers.search.expansion_moves import Choices
-from toposeam.layers.search.local_search import refine, settle
-from toposeam.layers.search.multilevel import minimise
-from toposeam.layers.search.options import BEST, BEST_FROM, FAST, SearchOptions, search_options
-from toposeam.layers.search.problem import Problem, State
-from toposeam.seam.exact.maximum_flow import minimum_cut
+from toposeam.layers.labelling import beside_steps, exclusive_covers, junctions, pose_labelling
+from toposeam.layers.search import (
+    BEST,
+    Choices,
+    Problem,
+    SearchOptions,
+    State,
+    minimise,
+    refine,
+    search_options,
+)
+from toposeam.layers.search.local_search import settle
+from toposeam.layers.search.options import BEST_FROM, FAST
+from toposeam.seam.exact import minimum_cut
 
 PHOTOGRAPHS = (data.coffee(), data.chelsea(), data.astronaut(), data.rocket())
 

@@ -3,13 +3,12 @@ import pytest
 from skimage import data
 
 import toposeam as ts
-from toposeam.layers.canvas.layer import Box
-from toposeam.layers.canvas.tile_map import TileMap
-from toposeam.layers.labelling.posing import exclusive_covers, pose_labelling
-from toposeam.layers.labelling.problem import Labelling
+from toposeam.layers.canvas import Box, TileMap
+from toposeam.layers.labelling import Labelling, exclusive_covers, pose_labelling
+from toposeam.layers.search import band_of, write_pixels
 from toposeam.layers.search.cut_solver import CutSolver
-from toposeam.layers.search.two_label_band import Division, band_of, divided, write_pixels
-from toposeam.seam.heat.method import HeatOptions
+from toposeam.layers.search.two_label_band import Division, divided
+from toposeam.seam.heat import HeatOptions
 
 
 def three() -> Labelling:

@@ -5,7 +5,8 @@ import pytest
 from scipy import ndimage
 
 import toposeam as ts
-from toposeam.motif.ink.sampling import _box, resample
+from toposeam.motif.ink import resample
+from toposeam.motif.ink.sampling import _box
 
 
 @pytest.mark.parametrize(("size", "axis"), [((66, 22), 1), ((22, 66), 0)])

@@ -8,7 +8,7 @@ from scipy import ndimage
 from skimage import measure
 
 import toposeam as ts
-from toposeam.motif.ink.stroke_edges import EDGES, beyond, level, shading
+from toposeam.motif.ink import EDGES, beyond, level, shading
 from toposeam.motif.ink.svg import _Bands
 
 

@@ -7,8 +7,8 @@ import pytest
 from scipy import ndimage
 
 import toposeam as ts
-from toposeam.motif.ink.stroke_repair import mended
-from toposeam.motif.symmetry.tiling import tile
+from toposeam.motif.ink import mended
+from toposeam.motif.symmetry import tile
 
 
 def strokes(gap=2):

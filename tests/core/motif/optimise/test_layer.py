@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import toposeam as ts
-from toposeam.motif.optimise import layer
-from toposeam.motif.optimise.layer import finer_temperature, optimise_layer, plan, problem_at
-from toposeam.motif.recipe.recipe import pack_base, unpack_base
+from toposeam.motif.optimise import layer, optimise_layer, plan, problem_at
+from toposeam.motif.optimise.layer import finer_temperature
+from toposeam.motif.recipe import pack_base, unpack_base
 from toposeam.motif.symmetry.mirrors import mirrors
 
 EXACT = {"tolerance": 1e-12, "max_iterations": 300}
@@ -177,7 +177,7 @@ def test_strokes_widen_as_sink_and_source_come_closer():
 
 
 def test_the_thesis_s_law_conducts_in_proportion_to_brightness():
-    from toposeam.motif.optimise.conduction import VOID, nominal_conductivity
+    from toposeam.motif.optimise import VOID, nominal_conductivity
 
     brightness = np.array([[0.0, 0.25], [0.5, 1.0]])
     np.testing.assert_allclose(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import toposeam as ts
-from toposeam.motif.symmetry.borders import faded, with_mass
+from toposeam.motif.symmetry import faded, with_mass
 
 
 def noise(seed=0, side=96):

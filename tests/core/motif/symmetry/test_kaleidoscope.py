@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import toposeam as ts
-from toposeam.motif.symmetry.kaleidoscope import GROUPS
-from toposeam.motif.symmetry.rules import GENERATORS, operations, permutation
+from toposeam.motif.symmetry import GENERATORS, GROUPS, operations
+from toposeam.motif.symmetry.rules import permutation
 
 
 @pytest.fixture(scope="module")

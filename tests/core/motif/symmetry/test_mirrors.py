@@ -6,8 +6,8 @@ from scipy import ndimage
 
 import toposeam as ts
 from toposeam.motif.border_smoothing import conspicuous
+from toposeam.motif.symmetry import symmetry
 from toposeam.motif.symmetry.mirrors import mirrors, places_of
-from toposeam.motif.symmetry.rules import symmetry
 
 
 @pytest.mark.parametrize(

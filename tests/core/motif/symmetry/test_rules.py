@@ -7,15 +7,8 @@ import pytest
 
 import toposeam as ts
 from toposeam.heat.plate_joints import Joint
-from toposeam.motif.symmetry.rules import (
-    GENERATORS,
-    HEXAGONAL,
-    joint,
-    onto_axes,
-    operations,
-    permutation,
-    symmetry,
-)
+from toposeam.motif.symmetry import GENERATORS, HEXAGONAL, joint, onto_axes, operations, symmetry
+from toposeam.motif.symmetry.rules import permutation
 
 #: How many operations each group has modulo the translations of its cell (centred cells have twice their
 #: point group's).

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from toposeam.seam.exact.corner_graph import cheapest_path
+from toposeam.seam.exact import cheapest_path
 
 
 def costs(seed, h, w, smooth=2.0):

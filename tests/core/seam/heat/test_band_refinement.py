@@ -8,8 +8,7 @@ from shapes import SHAPES
 
 import toposeam as ts
 from toposeam.seam.heat import band_refinement as corridor
-from toposeam.seam.problem import grid
-from toposeam.seam.problem.overlap import FREE
+from toposeam.seam.problem import FREE, grid
 
 
 def apart_from_the_best(problem, best, rng):

@@ -12,9 +12,7 @@ import toposeam as ts
 from toposeam.seam.heat import coarsening as coarse
 from toposeam.seam.heat import heavy_edge_matching as merging
 from toposeam.seam.heat import method as heat
-from toposeam.seam.problem import posing
-from toposeam.seam.problem.grid import CutGrid
-from toposeam.seam.problem.match_cost import MatchCost
+from toposeam.seam.problem import CutGrid, MatchCost, posing
 from toposeam.seam.problem.posing import seam_problem
 
 

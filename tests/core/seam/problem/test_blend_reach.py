@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import toposeam as ts
-from toposeam.seam.problem.blend_reach import CELL, STEP, Reach
+from toposeam.seam.problem import STEP, Reach
+from toposeam.seam.problem.blend_reach import CELL
 
 EVERYWHERE = slice(0, 96), slice(0, 128)
 

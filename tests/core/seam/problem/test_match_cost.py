@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import toposeam as ts
-from toposeam.seam.problem.match_cost import MatchCost, match_cost
+from toposeam.seam.problem import MatchCost
+from toposeam.seam.problem.match_cost import match_cost
 from toposeam.seam.problem.posing import seam_problem
 
 

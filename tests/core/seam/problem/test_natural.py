@@ -5,8 +5,9 @@ import pytest
 from skimage import data
 
 import toposeam as ts
-from toposeam.seam.problem.match_cost import LAWS, MatchCost, match_cost
-from toposeam.seam.problem.natural import CELL, LOOK, perceived
+from toposeam.seam.problem import CELL, LAWS, MatchCost
+from toposeam.seam.problem.match_cost import match_cost
+from toposeam.seam.problem.natural import LOOK, perceived
 from toposeam.seam.problem.posing import seam_problem
 
 

@@ -7,7 +7,7 @@ import pytest
 from scipy import ndimage
 
 import toposeam as ts
-from toposeam.seam.problem.overlap import FREE, SIDES, A, B, between_masks, side_by_side
+from toposeam.seam.problem import FREE, SIDES, A, B, between_masks, side_by_side
 
 
 @pytest.mark.parametrize(

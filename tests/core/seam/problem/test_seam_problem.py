@@ -7,13 +7,10 @@ import dataclasses
 import numpy as np
 import pytest
 
-from toposeam.seam.exact.graph_cut import graph_cut_labels
-from toposeam.seam.exact.optimum import exact_labels
-from toposeam.seam.heat.method import HeatOptions, heat_path
-from toposeam.seam.problem.match_cost import MatchCost
-from toposeam.seam.problem.overlap import FREE, NONE, A, B, Overlap
+from toposeam.seam.exact import exact_labels, graph_cut_labels
+from toposeam.seam.heat import HeatOptions, heat_path
+from toposeam.seam.problem import FREE, NONE, A, B, MatchCost, Overlap, SeamProblem
 from toposeam.seam.problem.posing import seam_problem
-from toposeam.seam.problem.seam_problem import SeamProblem
 
 
 @pytest.fixture

@@ -10,7 +10,8 @@ from hypothesis.extra import numpy as hnp
 from scipy import ndimage
 
 from toposeam.errors import OptionError, PathError
-from toposeam.seam.result.apply import _Cut, labels_from_paths
+from toposeam.seam.result import labels_from_paths
+from toposeam.seam.result.apply import _Cut
 from toposeam.vector.polyline import Polyline, trace_boundary
 
 A, B, FREE, NONE = 0, 1, 2, 3

@@ -3,7 +3,7 @@
 import numpy as np
 
 import toposeam as ts
-from toposeam.seam.result.drawing import draw_seams
+from toposeam.seam.result import draw_seams
 from toposeam.vector.polyline import Polyline
 
 

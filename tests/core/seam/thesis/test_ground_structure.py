@@ -7,10 +7,10 @@ import pytest
 from shapes import SHAPES
 
 from toposeam.errors import SolverError
-from toposeam.seam.problem.match_cost import MatchCost, match_cost
-from toposeam.seam.problem.overlap import A, B, between_masks, side_by_side
-from toposeam.seam.problem.seam_problem import SeamProblem
-from toposeam.seam.thesis.ground_structure import OUTERMOST, corner_network, ground_structure, pixel_network
+from toposeam.seam.problem import A, B, MatchCost, SeamProblem, between_masks, side_by_side
+from toposeam.seam.problem.match_cost import match_cost
+from toposeam.seam.thesis import corner_network, pixel_network
+from toposeam.seam.thesis.ground_structure import OUTERMOST, ground_structure
 
 TWO_ENDS = ("ell", "ragged")
 OTHERS = ("ring", "four gaps", "two islands", "separate overlaps")

@@ -12,14 +12,12 @@ from shapes import SHAPES
 
 from toposeam.errors import OptionError, SolverError
 from toposeam.optimize.history import Termination
-from toposeam.seam.exact.optimum import exact_labels
-from toposeam.seam.problem.match_cost import MatchCost, match_cost
-from toposeam.seam.problem.overlap import A, B, between_masks, side_by_side
-from toposeam.seam.problem.seam_problem import M_MAX, SeamProblem
+from toposeam.seam.exact import exact_labels
+from toposeam.seam.problem import M_MAX, A, B, MatchCost, SeamProblem, between_masks, side_by_side
+from toposeam.seam.problem.match_cost import match_cost
+from toposeam.seam.thesis import ThesisOptions, thesis_path
 from toposeam.seam.thesis import method as thesis
 from toposeam.seam.thesis.ground_structure import CornerNetwork
-from toposeam.seam.thesis.method import thesis_path
-from toposeam.seam.thesis.options import ThesisOptions
 
 SIZES = ((60, 15), (80, 20), (120, 30), (160, 40), (240, 60), (320, 80))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import ndimage
 
-from toposeam.texture.canvas.index_canvas import IndexCanvas
+from toposeam.texture.canvas import IndexCanvas
 
 
 def _copy(row, column, shape=(6, 6), width=40):

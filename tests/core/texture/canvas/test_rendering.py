@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 import toposeam as ts
-from toposeam.texture.canvas.rendering import near_seams, render
-from toposeam.texture.exemplar.patch_search import reduced
+from toposeam.texture.canvas import near_seams, render
+from toposeam.texture.exemplar import reduced
 
 
 @pytest.mark.parametrize(("wrap", "mixed"), [((False, True), True), ((False, False), False)])

@@ -5,7 +5,8 @@ from scipy import ndimage
 from skimage import data
 
 import toposeam as ts
-from toposeam.texture.exemplar.landmarks import guarded, landmarks
+from toposeam.texture.exemplar import guarded
+from toposeam.texture.exemplar.landmarks import landmarks
 
 SIDE = 128
 

@@ -3,7 +3,7 @@ import pytest
 import skimage.data
 
 import toposeam as ts
-from toposeam.texture.exemplar.mirror_narrow import widened
+from toposeam.texture.exemplar import widened
 
 PICTURE = skimage.data.coffee()
 ROW = PICTURE[200:201, :120]

@@ -6,15 +6,12 @@ import skimage.data
 from scipy import ndimage
 
 import toposeam as ts
-from toposeam.texture.exemplar.atlas import Atlas
+from toposeam.texture.exemplar import Atlas
+from toposeam.texture.holes import Ground, ShiftMoves, candidate_shifts, is_texture
 from toposeam.texture.holes import shift_candidates as offsets
 from toposeam.texture.holes import shift_map as texture_shifts
 from toposeam.texture.holes import shift_map_moves as shift_moves
-from toposeam.texture.holes.homogeneity import is_texture
-from toposeam.texture.holes.shift_candidates import candidate_shifts
-from toposeam.texture.holes.shift_map_moves import Ground, ShiftMoves
-from toposeam.texture.light import levelling
-from toposeam.texture.light.levelling import levelled, membrane
+from toposeam.texture.light import levelled, levelling, membrane
 
 
 def disc(shape, row, column, radius):

@@ -9,10 +9,10 @@ import skimage.data
 from scipy import ndimage
 
 import toposeam as ts
-from toposeam.texture.canvas.rendering import render
-from toposeam.texture.exemplar.atlas import Atlas
-from toposeam.texture.light.seam_easing import EasedLight, is_fibrous
-from toposeam.texture.light.slow_light import CopyLight, levelled_copies
+from toposeam.texture.canvas import render
+from toposeam.texture.exemplar import Atlas
+from toposeam.texture.light import CopyLight, EasedLight, levelled_copies
+from toposeam.texture.light.seam_easing import is_fibrous
 
 
 def two_copies(step, wraps):

@@ -3,9 +3,8 @@ import pytest
 from scipy import ndimage
 
 import toposeam as ts
+from toposeam.texture.periodicity import Order, Phase, find_order
 from toposeam.texture.periodicity.lattice_fit import _points
-from toposeam.texture.periodicity.period import Order, find_order
-from toposeam.texture.periodicity.phase import Phase
 
 
 def bricks(height=160, width=192, brick=(16, 40), seed=0):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import toposeam as ts
-from toposeam.texture.canvas.places import PlaceGrid
-from toposeam.texture.exemplar.atlas import Atlas
+from toposeam.texture.canvas import PlaceGrid
+from toposeam.texture.exemplar import Atlas
 from toposeam.texture.placement.feature_shares import Kinds
 
 SIDE, PATCH = 64, (16, 16)

@@ -5,9 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from toposeam.texture.canvas.index_canvas import IndexCanvas
-from toposeam.texture.canvas.places import PlaceGrid
-from toposeam.texture.placement.near_copies import NEAR
+from toposeam.texture.canvas import IndexCanvas, PlaceGrid
+from toposeam.texture.placement import NEAR
 from toposeam.texture.placement.object_repeats import Repeats
 
 SIDE, SAMPLE = 30, 10

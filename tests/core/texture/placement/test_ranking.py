@@ -3,9 +3,9 @@
 import numpy as np
 
 import toposeam as ts
-from toposeam.texture.canvas.index_canvas import IndexCanvas
-from toposeam.texture.exemplar.atlas import Atlas
-from toposeam.texture.placement.patch_placer import PatchPlacer
+from toposeam.texture.canvas import IndexCanvas
+from toposeam.texture.exemplar import Atlas
+from toposeam.texture.placement import PatchPlacer
 
 SIDE, SHAPE = 48, (16, 16)
 

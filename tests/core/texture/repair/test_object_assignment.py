@@ -8,13 +8,14 @@ import pytest
 from scipy import ndimage
 
 import toposeam as ts
-from toposeam.texture.canvas.index_canvas import IndexCanvas
-from toposeam.texture.exemplar.atlas import Atlas
-from toposeam.texture.placement.patch_placer import ClosedPatch, PatchPlacer
-from toposeam.texture.repair.object_assignment import Exchange
+from toposeam.texture.canvas import IndexCanvas
+from toposeam.texture.exemplar import Atlas
+from toposeam.texture.placement import ClosedPatch, PatchPlacer
+from toposeam.texture.repair import Exchange
 from toposeam.texture.repair.object_replacement import FORBIDDEN, GROUND, MENDED, WHOLE, Replacing, ToReplace
 from toposeam.texture.repair.objects import Objects
-from toposeam.texture.scheduling.process_pool import FORKS, Crew
+from toposeam.texture.scheduling import Crew
+from toposeam.texture.scheduling.process_pool import FORKS
 
 SIDE = 128
 MANY = 1 << 20

@@ -16,14 +16,14 @@ from skimage import data
 
 import toposeam as ts
 from toposeam.texture import synthesize
-from toposeam.texture.canvas.index_canvas import IndexCanvas
-from toposeam.texture.canvas.places import Offers
-from toposeam.texture.exemplar.atlas import Atlas
+from toposeam.texture.canvas import IndexCanvas, Offers
+from toposeam.texture.exemplar import Atlas
 from toposeam.texture.placement.wave_conflicts import Beside
 from toposeam.texture.repair.mend import Mending
-from toposeam.texture.scheduling.process_pool import FORKS, Crew
+from toposeam.texture.scheduling import Crew, lay_wave
+from toposeam.texture.scheduling.process_pool import FORKS
 from toposeam.texture.scheduling.raster import patches_along
-from toposeam.texture.scheduling.wavefronts import Laying, lay_wave, waves_of
+from toposeam.texture.scheduling.wavefronts import Laying, waves_of
 
 forks = pytest.mark.skipif(not FORKS, reason="nothing forks here")
 

@@ -5,9 +5,10 @@ import pytest
 from scipy import ndimage
 
 import toposeam as ts
+from toposeam.volume.clip import Jump, closed_walk
 from toposeam.volume.clip import walk as walks
-from toposeam.volume.clip.period import Jump, changes, small_frames, small_mask
-from toposeam.volume.clip.walk import closed_walk, length
+from toposeam.volume.clip.period import changes, small_frames, small_mask
+from toposeam.volume.clip.walk import length
 
 
 def turning(frames, period, size=24):

@@ -1,0 +1,10 @@
+from .progress import Progressed
+from .tasks import Executor, check_executor, on_boxes, results
+
+__all__ = [
+    "Executor",
+    "Progressed",
+    "check_executor",
+    "on_boxes",
+    "results",
+]

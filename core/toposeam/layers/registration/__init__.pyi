@@ -1,0 +1,28 @@
+from .align import Aligned, correlations
+from .bundle_adjustment import adjust_cameras, adjust_plane, left_over
+from .consensus import without_contradictions
+from .find_places import PlaceOptions, among, found_places
+from .homography import applied
+from .pair_matching import Match
+from .panorama import View, camera_transforms, plane_transforms
+from .placement import MODELS, Placement, Residual
+
+__all__ = [
+    "MODELS",
+    "Aligned",
+    "Match",
+    "PlaceOptions",
+    "Placement",
+    "Residual",
+    "View",
+    "adjust_cameras",
+    "adjust_plane",
+    "among",
+    "applied",
+    "camera_transforms",
+    "correlations",
+    "found_places",
+    "left_over",
+    "plane_transforms",
+    "without_contradictions",
+]

@@ -1,0 +1,19 @@
+from .apply import labels_from_paths
+from .drawing import draw_seams
+from .likeness import seam_verdict
+from .seam import Seam, apply_paths, knows_potential, potential_on_window, seam_of
+from .verdict import Verdict, verdict_of, worst_of
+
+__all__ = [
+    "Seam",
+    "Verdict",
+    "apply_paths",
+    "draw_seams",
+    "knows_potential",
+    "labels_from_paths",
+    "potential_on_window",
+    "seam_of",
+    "seam_verdict",
+    "verdict_of",
+    "worst_of",
+]

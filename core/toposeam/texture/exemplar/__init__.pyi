@@ -1,0 +1,38 @@
+from .atlas import Atlas, Floats32, Ints32, values_at
+from .landmarks import guarded
+from .mirror_narrow import widened
+from .patch_search import Ints, PatchSearch, box_sum, reduced, refined
+from .scale import SMALLEST_PATCH, autocorrelation, natural_patch, patch_for
+from .sources import UNSEEN_STEP, DataRange, Images, Sources, as_list, check_varied, read_sources, white_of
+from .turns import TURNS, Turns, count_of, turned, turned_sources
+
+__all__ = [
+    "SMALLEST_PATCH",
+    "TURNS",
+    "UNSEEN_STEP",
+    "Atlas",
+    "DataRange",
+    "Floats32",
+    "Images",
+    "Ints",
+    "Ints32",
+    "PatchSearch",
+    "Sources",
+    "Turns",
+    "as_list",
+    "autocorrelation",
+    "box_sum",
+    "check_varied",
+    "count_of",
+    "guarded",
+    "natural_patch",
+    "patch_for",
+    "read_sources",
+    "reduced",
+    "refined",
+    "turned",
+    "turned_sources",
+    "values_at",
+    "white_of",
+    "widened",
+]

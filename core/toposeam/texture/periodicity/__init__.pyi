@@ -1,0 +1,10 @@
+from .period import STRETCH, Order, find_order
+from .phase import Phase, closing_size
+
+__all__ = [
+    "STRETCH",
+    "Order",
+    "Phase",
+    "closing_size",
+    "find_order",
+]

@@ -1,0 +1,6 @@
+from .object_assignment import MOST, Exchange
+
+__all__ = [
+    "MOST",
+    "Exchange",
+]

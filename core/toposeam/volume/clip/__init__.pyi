@@ -1,0 +1,11 @@
+from .loop import Loop
+from .period import Jump
+from .verdict import LoopVerdict
+from .walk import closed_walk
+
+__all__ = [
+    "Jump",
+    "Loop",
+    "LoopVerdict",
+    "closed_walk",
+]

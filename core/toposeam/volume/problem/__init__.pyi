@@ -1,0 +1,16 @@
+from .arrays import Volume, as_shares, as_volume
+from .canvas import Places, placed
+from .posing import check_spacing, face_areas, match_costs
+from .surface_problem import SurfaceProblem
+
+__all__ = [
+    "Places",
+    "SurfaceProblem",
+    "Volume",
+    "as_shares",
+    "as_volume",
+    "check_spacing",
+    "face_areas",
+    "match_costs",
+    "placed",
+]

@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 import pytest
+from crops import FIRST, RNG
 from skimage import data
 
 PHOTOGRAPHS = ("brick", "grass", "gravel", "coffee", "chelsea", "astronaut", "rocket")
@@ -19,6 +20,12 @@ Crops = Callable[[np.random.Generator, int, int], tuple[npt.NDArray[np.uint8], n
 def photograph(name: str) -> npt.NDArray[np.uint8]:
     image: npt.NDArray[np.uint8] = getattr(data, name)()
     return image
+
+
+@pytest.fixture(autouse=True)
+def _same_noise() -> None:
+    """Let crops of a test have the same noise whatever ran before."""
+    RNG.bit_generator.state = FIRST
 
 
 @pytest.fixture

@@ -6,6 +6,7 @@ from skimage import data
 import toposeam as ts
 
 RNG = np.random.default_rng(0)
+FIRST = RNG.bit_generator.state
 PHOTOGRAPH = data.coffee()[100:, 200:]
 
 

@@ -1,1 +1,1 @@
-"""Exact engines: shortest paths between corners and maximum flows."""
+"""Exact engines: shortest paths between corners, maximum flows, and expansion moves."""

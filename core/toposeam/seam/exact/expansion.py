@@ -130,7 +130,7 @@ class ExpansionMove:
     paid : callable
         What interfaces cost, (e,) float64, whose ends show certain labels: from these, (e,) each, and the
         numbers of the interfaces. It costs nothing where they are equal.
-    own : two (n,) float64 arrays, optional
+    own : two (n,) float arrays, optional
         What pixels that may turn cost besides, in order, when they stay and when they turn.
     """
 
@@ -142,7 +142,7 @@ class ExpansionMove:
         labels: npt.NDArray[Any],
         turned: npt.NDArray[Any],
         paid: Callable[[npt.NDArray[Any], npt.NDArray[Any], Any], Floats],
-        own: tuple[Floats, Floats] | None = None,
+        own: tuple[npt.NDArray[Any], npt.NDArray[Any]] | None = None,
     ) -> None:
         self._piece, self._width, self._ends, self._own = piece, width, ends, own
         p, q = ends
@@ -183,7 +183,7 @@ class ExpansionMove:
         count = len(nodes)
         number = np.empty(len(piece), np.intp)
         number[nodes] = np.arange(count)
-        unary = np.zeros(count) if self._own is None else self._own[1] - self._own[0]
+        unary = np.zeros(count) if self._own is None else np.subtract(*self._own[::-1], dtype=float)
         unary += np.bincount(number[p[unlike[on_p]]], more_p, count)
         unary += np.bincount(number[q[unlike[on_q]]], more_q, count)
         link = self._q_turns.copy()

@@ -146,7 +146,7 @@ CLASS_LINES = 250
 #: A test's name is shorter.
 NAME_CHARACTERS = 60
 #: Classes that are still longer, to be shortened: nothing may be added.
-LONG_CLASSES = {"Choices", "Composition", "Replacing", "ShiftMoves", "_Run"}
+LONG_CLASSES = {"Composition", "Replacing", "ShiftMoves", "_Run"}
 WITHOUT_CLICK = {
     "toposeam_cli.media",
     "toposeam_cli.files",

@@ -94,10 +94,10 @@ class Made:
             free = problem.overlap.side[at] == FREE
             potential[at] = np.where(free, values[inside], potential[at])
         history, termination = ((), Termination.DIRECT) if heat is None else (heat.history, heat.termination)
-        label_map = self.label_map
+        label_map, method = self.label_map, self.report.problem.solver.method
         return Seam(
             _shown=shown,
-            _potential=None if kept is None and self.report.problem.method in ("auto", "heat") else potential,
+            _potential=None if kept is None and method in ("auto", "heat") else potential,
             _only_b=lambda: dense(label_map) == pair[1],
             cost=problem.cost(shown),
             history=history,
@@ -112,7 +112,7 @@ class Made:
         """The engine that divided two layers: expansions are maximum flows where no method is named."""
         if pair in self.given:
             return "path"
-        method = self.report.problem.method
+        method = self.report.problem.solver.method
         return method if method != "auto" else "heat" if pair in self.report.gathered else "graph-cut"
 
     @cached_property

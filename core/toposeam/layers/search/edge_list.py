@@ -12,6 +12,7 @@ from toposeam.heat.network import Floats
 from toposeam.images import Mask
 from toposeam.layers.canvas.layer import Box
 from toposeam.layers.labelling.problem import Labelling
+from toposeam.seam.exact.expansion import interfaces_beside
 
 #: Each pixel and its right, or lower, neighbour.
 SIDES: Any = (np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])
@@ -28,17 +29,8 @@ class Edges(NamedTuple):
 
     @classmethod
     def beside(cls, open_: Mask, known: Mask) -> Edges:
-        """Those beside some pixels of a box, of which both are known; (h, w) bool arrays. Neighbours in a row
-        come first.
-        """
-        width = open_.shape[1]
-        first = []
-        for s, t in SIDES:
-            chosen = np.zeros(open_.shape, bool)
-            chosen[s] = (open_[s] | open_[t]) & known[s] & known[t]
-            first.append(np.flatnonzero(chosen))
-        p = np.concatenate(first)
-        q = np.concatenate([first[0] + 1, first[1] + width])
+        """Those beside some pixels of a box, of which both are known; (h, w) bool arrays."""
+        p, q = interfaces_beside(open_, known)
         return cls(p, q, np.arange(len(p)))
 
     def some(self, chosen: npt.NDArray[np.intp]) -> Edges:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -20,15 +21,8 @@ from toposeam.layers.canvas.connected_components import pieces_of
 from toposeam.layers.canvas.layer import Box
 from toposeam.layers.canvas.painting import LabelMap
 from toposeam.layers.labelling.problem import Labelling
-from toposeam.layers.search.cut_solver import Decide, decided
 from toposeam.layers.search.edge_list import EdgeCosts, Edges
-
-Indices = npt.NDArray[np.intp]
-
-#: A move counts when it lowers the cost of what it may change by this share.
-LEAST_GAIN = 1e-7
-#: Least cost of an interface, so that no pixel is without connection.
-_LEAST_LINK = 1e-6
+from toposeam.seam.exact.expansion import LEAST_GAIN, Decide, ExpansionMove, Indices
 
 
 class Choices:
@@ -70,10 +64,6 @@ class Choices:
         self.edges = Edges.beside(open_, known)
         seen = [(self.may[k] | (self.shows == k)).reshape(box.shape) for k in range(count)]
         self._costs = EdgeCosts(labelling, box, self.layers, seen, self.edges)
-        #: (h w,) bool: pixels of which no two are neighbours.
-        self._white = _chessboard(box.shape)
-        #: Pixels of one solution, of which several may be stacked.
-        self._pixels = max(len(self.shows), 1)
         #: Of a layer the edges of pixels that may show it, and rows and columns that hold these.
         self._nearby: dict[int, tuple[Edges, tuple[slice, slice]]] = {}
 
@@ -81,8 +71,7 @@ class Choices:
         """Several solutions of the same problem, (h w,) each, one below the other, as one."""
         (height, width), times, count = self.box.shape, len(shows), len(self.layers)
         result, pixels = copy(self), (height + 1) * width  # a row without pixels keeps them apart
-        result.box, result._pixels, result._nearby = Box(0, 0, times * (height + 1), width), pixels, {}
-        result._white = _chessboard(result.box.shape)
+        result.box, result._nearby = Box(0, 0, times * (height + 1), width), {}
         stack = np.full((times, pixels), count, np.int16)
         stack[:, :-width] = shows
         result.shows = stack.ravel()
@@ -104,9 +93,9 @@ class Choices:
         each = len(self.shows) // times
         return [part[: each - self.box.shape[1]].copy() for part in np.split(self.shows, times)]
 
-    def total(self, edges: npt.NDArray[np.intp] | None = None) -> float:
+    def total(self, edges: Edges | None = None) -> float:
         """Σ M over the edges, or some of them."""
-        p, q, at = self.edges if edges is None else self.edges.some(edges)
+        p, q, at = edges or self.edges
         return float(self._costs.paid(self.shows[p], self.shows[q], at).sum())
 
     def label_map(self) -> LabelMap:
@@ -137,55 +126,28 @@ class Choices:
         return most
 
     def expand(self, k: int, decide: Decide) -> bool:
-        r"""Let a layer show more of itself; whether that gained something.
-
-        At neighbours p and q that show i and j and may both turn to k, keeping both costs s = M_ij, turning p
-        c = M_kj, turning q b = M_ik, and turning both nothing. With x = 1 for a turned pixel that is ::
-
-            s + (c - b - s) / 2 x_p + (b - c - s) / 2 x_q + (b + c - s) / 2 |x_p - x_q|
-
-        the unary costs of p and q and the cost of their interface, as a seam problem has them. That is
-        submodular while s ≤ b + c. Where s > b + c, which no seam problem can say, b + c stands for s: the
-        move is then chosen by too low a cost of what there is, and made only if it lowers the true one.
-
-        *A worked example.* One row of four pixels, of which the first shows i, the second and third j, the
-        fourth k; the second and third may turn to k. With M_ij = 5, M_ik = 1, M_jk = 3 at every interface::
-
-            labels       i   j   j   k         turned        cost
-            interfaces     5   0   3           none          5 + 0 + 3 = 8
-                                               third         5 + 3 + 0 = 8
-                                               both          1 + 0 + 0 = 1
-
-        Interface 1 (i is fixed, q = j may turn): unary 5 for q staying, 1 for q turning. Interface 2 (both
-        may turn, i = j): s = 0, b = c = 3, so 3 |x_p - x_q| and no unary. Interface 3 (k is fixed): unary 3
-        for p staying. The least is 1: both turn.
+        """Let a layer show more of itself (:mod:`toposeam.seam.exact.expansion`); whether that gained
+        something.
         """
-        piece, turned, gains = self._turned(k, decide)
-        turned = turned[gains[piece[turned]]]
+        move = self._expansion(k)
+        turned, _ = move.gaining(move.turned(decide))
         self.shows[turned] = k
         return len(turned) > 0
 
     def would_expand(self, k: int, decide: Decide, dearer: float) -> Indices:
         """The pixels that would turn to a layer if the present interfaces cost more by a share."""
-        return self._turned(k, decide, dearer)[1]
+        return self._expansion(k).turned(decide, dearer=dearer)
 
-    def _open_to(self, k: int) -> tuple[npt.NDArray[np.int32], int, Edges, npt.NDArray[np.int32]]:
-        """The pieces of what may turn to a layer, numbered from 1 on, (h w,), and how many; the edges that
-        end in them, and in which.
-        """
-        shows, nothing = self.shows, len(self.layers)
+    def _expansion(self, k: int) -> ExpansionMove:
+        """The move in which a layer expands."""
+        shows = self.shows
         near, window = self._beside(k)
         now = shows.reshape(self.box.shape)[window]
-        free = self.may[k].reshape(self.box.shape)[window] & (now != k) & (now != nothing)
+        free = self.may[k].reshape(self.box.shape)[window] & (now != k) & (now != len(self.layers))
         piece = np.zeros(len(shows), np.int32)
-        piece.reshape(self.box.shape)[window], count = pieces_of(free)
-        of_edge = np.maximum(piece[near.p], piece[near.q])
-        own = np.flatnonzero(of_edge > 0)
-        edges, of_edge = near.some(own), of_edge[own]
-        if len(edges.p) and max(shows[edges.p].max(), shows[edges.q].max()) == nothing:
-            own = np.flatnonzero((shows[edges.p] != nothing) & (shows[edges.q] != nothing))
-            edges, of_edge = edges.some(own), of_edge[own]
-        return piece, count, edges, of_edge
+        piece.reshape(self.box.shape)[window], _ = pieces_of(free)
+        edges = near.some(np.flatnonzero(np.maximum(piece[near.p], piece[near.q])))
+        return self._move(piece, edges, shows, np.where(piece > 0, np.int16(k), shows))
 
     def _beside(self, k: int) -> tuple[Edges, tuple[slice, slice]]:
         """The edges of pixels that may show a layer, and rows and columns that hold them."""
@@ -196,49 +158,19 @@ class Choices:
             self._nearby[k] = found, window
         return self._nearby[k]
 
-    def _turned(
-        self, k: int, decide: Decide, dearer: float = 0.0
-    ) -> tuple[npt.NDArray[np.int32], Indices, Mask]:
-        """The piece of each pixel that may turn to a layer, (h w,), 0 for none; the pixels that turn if the
-        present interfaces cost more by a share; and of each piece whether that lowers its true cost.
-        """
-        piece, count, edges, of_edge = self._open_to(k)
-        if not count:
-            return piece, np.zeros(0, np.intp), np.zeros(1, bool)
-        p, q, at = edges
-        i, j, free_p, free_q = self.shows[p], self.shows[q], piece[p] > 0, piece[q] > 0
-        q_turns = self._costs.paid(i, k, at)
-        # Most edges lie inside of what shows one layer: they cost nothing, and as much whichever end turns.
-        unlike = np.flatnonzero(i != j)
-        stay, p_turns = np.zeros(len(p)), q_turns.copy()
-        stay[unlike] = self._costs.paid(i[unlike], j[unlike], at[unlike])
-        p_turns[unlike] = self._costs.paid(k, j[unlike], at[unlike])
-        nodes = np.flatnonzero(piece)
-        number = np.empty(len(piece), np.intp)
-        number[nodes] = np.arange(len(nodes))
-        both = free_p & free_q
-        pulled = np.flatnonzero(~both | (i != j))
-        c, b, s = p_turns[pulled], q_turns[pulled], stay[pulled] * (1 + dearer)
-        inside, on_p, on_q = both[pulled], free_p[pulled], free_q[pulled]
-        least = np.minimum(s, c + b)
-        # What turning costs more than staying.
-        more_p = np.where(inside, (c - b - least) / 2, c - s)[on_p]
-        more_q = np.where(inside, (b - c - least) / 2, b - s)[on_q]
-        unary: Floats = np.zeros(len(nodes))
-        unary += np.bincount(number[p[pulled[on_p]]], more_p, len(nodes))
-        unary += np.bincount(number[q[pulled[on_q]]], more_q, len(nodes))
-        link = q_turns.copy()
-        link[pulled] = (c + b - least) / 2
-        inner = np.flatnonzero(both)
-        ends = number[p[inner]], number[q[inner]]
-        link = np.maximum(link[inner], _LEAST_LINK)
-        turned = nodes[decided(piece[nodes], self._white[nodes], *ends, link, -unary, decide)]
-        turning = np.zeros(len(piece), bool)
-        turning[turned] = True
-        one, other = turning[p], turning[q]
-        now = np.select([one & other, one, other], [0.0, p_turns, q_turns], stay)
-        before, after = (np.bincount(of_edge, values, count + 1) for values in (stay, now))
-        return piece, turned, after < before * (1 - LEAST_GAIN)
+    def _move(
+        self,
+        piece: npt.NDArray[np.int32],
+        edges: Edges,
+        shows: npt.NDArray[np.int16],
+        turned: npt.NDArray[np.int16],
+    ) -> ExpansionMove:
+        """The move from one solution towards another in some pieces, given the edges that end in them."""
+
+        def paid(i: npt.NDArray[np.int16], j: npt.NDArray[np.int16], chosen: Any) -> Floats:
+            return self._costs.paid(i, j, edges.column[chosen])
+
+        return ExpansionMove(piece, self.box.shape[1], edges[:2], shows, turned, paid)
 
     def fuse(self, other: npt.NDArray[np.int16]) -> None:
         """Take what another solution, (h w,), shows wherever that costs less, in each patch in which they
@@ -280,38 +212,16 @@ class Choices:
         """Decide for some pixels which of two layers each shows, the two being the same for pixels that
         adjoin; whether that gained something.
         """
-        shows = self.shows
-        edges = np.flatnonzero(free[self.edges.p] | free[self.edges.q])
-        if not len(edges):
+        edges = self.edges.some(np.flatnonzero(free[self.edges.p] | free[self.edges.q]))
+        if not len(edges.p):
             return False
-        p, q, _ = self.edges.some(edges)
-        nodes = np.flatnonzero(free)
-        number = np.full(len(shows), -1, np.intp)
-        number[nodes] = np.arange(len(nodes))
-        free_p, free_q = free[p], free[q]
-        p_only, q_only = free_p & ~free_q, free_q & ~free_p
-        at, out = np.concatenate([p[p_only], q[q_only]]), np.concatenate([q[p_only], p[q_only]])
-        edge, beyond = np.concatenate([edges[p_only], edges[q_only]]), shows[out]
-        costs = [self._costs.paid(layer[at], beyond, edge) for layer in (one, other)]
-        unary: Floats = np.bincount(number[at], costs[0] - costs[1], len(nodes)).astype(
-            np.float64, copy=False
-        )
-        both = np.flatnonzero(free_p & free_q)
-        link = self._costs.paid(one[p[both]], other[q[both]], edges[both])
-        link, piece = np.maximum(link, _LEAST_LINK), pieces_of(free.reshape(self.box.shape))[0]
-        own, white = piece.ravel()[nodes], self._white[nodes]
-        ends, now = (number[p[both]], number[q[both]]), shows[nodes] == other[nodes]
-        turned = decided(own, white, *ends, link, unary, decide, now)
-        before, old = self.total(edges), shows[nodes]
-        shows[nodes] = np.where(turned, other[nodes], one[nodes])
+        shows, before = self.shows, self.total(edges)
+        one, other = (np.where(free, layer, shows) for layer in (one, other))
+        piece = pieces_of(free.reshape(self.box.shape))[0].ravel()
+        turned = self._move(piece, edges, one, other).turned(decide, now=shows == other)
+        self.shows = one.copy()
+        self.shows[turned] = other[turned]
         if self.total(edges) < before * (1 - LEAST_GAIN):
             return True
-        shows[nodes] = old
+        self.shows = shows
         return False
-
-
-def _chessboard(shape: tuple[int, int]) -> Mask:
-    """(h w,) bool: every other pixel."""
-    white = np.zeros(shape, bool)
-    white[::2, ::2] = white[1::2, 1::2] = True
-    return white.ravel()

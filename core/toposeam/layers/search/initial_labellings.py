@@ -16,9 +16,9 @@ from toposeam.images import Mask
 from toposeam.layers.canvas.layer import Box
 from toposeam.layers.canvas.painting import LabelMap
 from toposeam.layers.execution.progress import Progressed
-from toposeam.layers.search.cut_solver import Decide
 from toposeam.layers.search.expansion_moves import Choices
 from toposeam.layers.search.options import SearchOptions
+from toposeam.seam.exact.expansion import Decide
 
 #: The best two starts end alike when their costs differ by less than this share: then no other goes on.
 _AGREED = 1e-4

@@ -33,12 +33,11 @@ from toposeam.layers.labelling.seam_lines import (
     square_dilation,
 )
 from toposeam.layers.labelling.subproblem import part_of_labelling
-from toposeam.layers.search.cut_solver import CutSolver
 from toposeam.layers.search.expansion_moves import Choices
 from toposeam.layers.search.initial_labellings import best_of_starts, join
 from toposeam.layers.search.problem import Problem, State, Ties
 from toposeam.layers.search.two_label_band import Divided, Division, SeamHeat, divided, write_pixels
-from toposeam.seam.heat.method import HeatOptions
+from toposeam.seam.cut_solver import CutSolver
 
 #: How far beside seams the label potential is computed, px.
 _SOFT = 4
@@ -144,7 +143,7 @@ def beside_seams(label_map: LabelMap, reach: int = 0) -> Mask:
 
 def find_potentials(problem: Problem, state: State) -> dict[Pair, SeamHeat]:
     """Gather heat along the seams, for their label potential beside them; other methods have none."""
-    if not isinstance(problem.options, HeatOptions):
+    if problem.solver.options is None:
         return {}
     near = beside_seams(state.label_map, _SOFT) if state.near is None else state.near
     divisions = _divided(problem, State(state.label_map, near), potential=True)

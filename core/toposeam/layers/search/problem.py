@@ -12,15 +12,10 @@ from toposeam.layers.canvas.painting import LabelMap
 from toposeam.layers.execution.progress import Progressed
 from toposeam.layers.execution.tasks import Executor
 from toposeam.layers.labelling.problem import Labelling, Pair
-from toposeam.layers.search.cut_solver import CutSolver
 from toposeam.layers.search.options import SearchOptions
 from toposeam.layers.search.two_label_band import Pixels, SeamHeat
-from toposeam.seam.find import Method, method_options
-from toposeam.seam.heat.method import HeatOptions
-from toposeam.seam.thesis.options import ThesisOptions
-
-#: Methods that cut networks; the others leave it to `auto`.
-_ANY_NETWORK: tuple[Method, ...] = ("auto", "heat", "shortest-path", "graph-cut")
+from toposeam.seam.cut_solver import CutSolver
+from toposeam.seam.find import Method
 
 #: Of each layer rows and columns of the pixels, at half the size, where it nearly shows.
 Ties = dict[int, Pixels]
@@ -31,8 +26,8 @@ class Problem:
     """A labelling problem at one size, and how it is solved."""
 
     labelling: Labelling
-    method: Method
-    options: HeatOptions | ThesisOptions | None
+    #: Decides moves.
+    solver: CutSolver
     search: SearchOptions
     executor: Executor | None
     steps: Progressed
@@ -48,22 +43,12 @@ class Problem:
         steps: Progressed | None = None,
     ) -> Problem:
         """The problem at full size, by a method and its options as for :func:`toposeam.find_seam`."""
-        own: Method = method if method in _ANY_NETWORK else "auto"
-        # With `auto` heat cuts large networks and finds the label potentials, by these options.
-        chosen = method_options("heat" if own == "auto" else own, options if own == method else {})
-        return cls(labelling, own, chosen, search, executor, steps or Progressed(None))
+        solver = CutSolver.of(method, options, labelling.forbidden)
+        return cls(labelling, solver, search, executor, steps or Progressed(None))
 
     def reduced(self, labelling: Labelling) -> Problem:
         """The same problem at a smaller size, where rough solutions will do."""
-        options = self.options
-        if isinstance(options, HeatOptions):
-            options = dataclasses.replace(options, tolerance=max(self.search.rough, options.tolerance))
-        return dataclasses.replace(self, labelling=labelling, options=options)
-
-    @property
-    def solver(self) -> CutSolver:
-        """Decides moves."""
-        return CutSolver(self.method, self.options, self.labelling.forbidden)
+        return dataclasses.replace(self, labelling=labelling, solver=self.solver.rougher(self.search.rough))
 
     @property
     def order(self) -> list[int]:
@@ -98,5 +83,5 @@ class Report:
     @property
     def settings(self) -> dict[str, Any]:
         """The options of the method; `auto` has none."""
-        options = None if self.problem.method == "auto" else self.problem.options
-        return {} if options is None else dataclasses.asdict(options)
+        solver = self.problem.solver
+        return {} if solver.method == "auto" or solver.options is None else dataclasses.asdict(solver.options)

@@ -10,7 +10,6 @@ processes.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,16 +17,16 @@ import numpy.typing as npt
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from toposeam.heat.network import Floats, Ints, Network
+from toposeam.heat.network import Floats
 from toposeam.heat.threads import one_thread
 from toposeam.images import Mask
 from toposeam.layers.canvas.layer import Box, cut
 from toposeam.layers.canvas.painting import LabelMap
 from toposeam.layers.canvas.tile_map import TILE, uniform
 from toposeam.layers.labelling.problem import Labelling, Pair, PairCost
-from toposeam.layers.search.cut_solver import CutSolver
-from toposeam.layers.search.expansion_moves import LEAST_GAIN, Indices
 from toposeam.optimize.history import Iteration, Termination
+from toposeam.seam.cut_solver import CutSolver
+from toposeam.seam.exact.expansion import LEAST_GAIN, BinaryCut, Indices
 
 #: Rows and columns of pixels of the canvas.
 Pixels = tuple[Indices, Indices]
@@ -47,56 +46,13 @@ class Band:
     columns: Indices
     #: (n,) bool, which of them show the second layer now.
     second: Mask
-    #: (E,) elements: the nodes they join, n for what shows the first layer, n + 1 for the second.
-    tail: Ints
-    head: Ints
-    cost: Floats
-
-    @cached_property
-    def _tied(self) -> tuple[Mask, Mask]:
-        """(n,) bool: which nodes are joined to something that shows the first layer, and the second."""
-        n = len(self.rows)
-        inner = self.head < n
-        graph = coo_array(
-            (np.ones(np.count_nonzero(inner), np.int8), (self.tail[inner], self.head[inner])), shape=(n, n)
-        )
-        count, component = connected_components(graph, directed=False)
-        first, second = (
-            np.bincount(component[self.tail[self.head == terminal]], minlength=count)[component] > 0
-            for terminal in (n, n + 1)
-        )
-        return first, second
-
-    def network(self) -> tuple[Network, Floats, Indices]:
-        """Those nodes that both sides pull at, the cost of the elements they take part in, and which they
-        are; what only one side pulls at goes to it (:meth:`labels`).
-        """
-        first, second = self._tied
-        open_ = first & second
-        chosen = np.flatnonzero(open_)
-        size = len(chosen)
-        number = np.full(len(self.rows) + 2, -1, np.intp)
-        number[chosen] = np.arange(size)
-        number[-2:] = size, size + 1
-        own = open_[self.tail]  # a component is open as a whole
-        chessboard = (self.rows[chosen] + self.columns[chosen]) % 2 == 0
-        return (
-            Network(size, number[self.tail[own]], number[self.head[own]], chessboard),
-            self.cost[own],
-            chosen,
-        )
-
-    def labels(self, chosen: Indices, hot: Mask) -> Mask:
-        """(n,) bool, which pixels show the second layer when some nodes are hot."""
-        first, second = self._tied
-        result: Mask = np.where(first, False, np.where(second, True, self.second))
-        result[chosen] = hot
-        return result
+    #: The second layer is the hot terminal.
+    cut: BinaryCut
 
     def total(self, second: Mask) -> float:
         """Σ M over the interfaces that a division of the pixels cuts."""
         ends = np.append(second, [False, True])
-        return float(self.cost[ends[self.tail] != ends[self.head]].sum())
+        return float(self.cut.cost[ends[self.cut.tail] != ends[self.cut.head]].sum())
 
 
 def band_of(labelling: Labelling, label_map: LabelMap, pair: Pair, opened: Mask | None) -> Band | None:
@@ -171,8 +127,13 @@ def _joined(
         known = np.flatnonzero(cost > 0)
         parts.append((tail[known], head[known], cost[known]))
     tail, head, cost = (np.concatenate(part) for part in zip(*parts, strict=True))
+    inner = head < n
+    joined = coo_array((np.ones(np.count_nonzero(inner), np.int8), (tail[inner], head[inner])), shape=(n, n))
+    _, component = connected_components(joined, directed=False)
     rows, columns = np.divmod(at, width)
-    return Band(rows + box.top, columns + box.left, second, tail, head, cost)
+    rows, columns = rows + box.top, columns + box.left
+    cut = BinaryCut(component, apart=(rows + columns) % 2 == 0, tail=tail, head=head, cost=cost)
+    return Band(rows, columns, second, cut)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -216,17 +177,17 @@ def divided(division: Division) -> Divided | None:
     band = band_of(division.labelling, division.label_map, pair, division.near)
     if band is None:
         return None
-    network, cost, chosen = band.network()
     heat = None
     with one_thread():
         if division.potential:
+            network, cost, chosen = band.cut.network()
             found = division.solver.heat(network, cost)
-            second = band.labels(chosen, found.hot[:-2])
+            second = band.cut.hot(chosen, found.hot[:-2], band.second)
             soft = second.astype(np.float32)
             soft[chosen] = np.clip(found.soft[:-2], 0.0, 1.0)
             heat = SeamHeat((band.rows, band.columns, soft), found.history, found.termination)
         else:
-            second = band.labels(chosen, division.solver(network, cost) if network.n else np.zeros(0, bool))
+            second = band.cut.solve(division.solver, band.second)
     gains = band.total(second) < band.total(band.second) * (1 - LEAST_GAIN)
     changed = np.flatnonzero(second != band.second) if gains else np.zeros(0, np.intp)
     return Divided(

@@ -1,4 +1,4 @@
-"""Exact engines: shortest paths between corners and maximum flows."""
+"""Exact engines: shortest paths between corners, maximum flows, and expansion moves."""
 
 import lazy_loader
 

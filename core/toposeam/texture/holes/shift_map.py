@@ -9,8 +9,8 @@ doi:10.1109/ICCV.2009.5459159); beyond, the picture shows itself, which is shift
 over neighbours p and q: the match cost of the seams, and a data term: D is what the picture is like round a
 pixel, and D̄ what the surroundings of the hole let expect there (:mod:`toposeam.texture.holes.expectation`).
 So a smooth sky is continued, a horizon stays level, and no object appears that was not there. The first term
-is a metric, so letting one shift expand over all others is a seam problem (``Labelling.expansion`` of
-:mod:`toposeam.layers.labelling.problem` derives it).
+is a metric, so letting one shift expand over all others is a minimum cut
+(:mod:`toposeam.seam.exact.expansion` derives it).
 
 Coarse to fine: at stride f every f-th pixel of the picture blurred over f pixels stands for f × f, but shifts
 stay exact to the pixel. A finer stride decides again only near the seams of the coarser one, and not at all

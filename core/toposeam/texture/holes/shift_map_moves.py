@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
+from toposeam.heat.network import Floats
 from toposeam.images import Mask, box_of
-from toposeam.seam.find import Method, method_options
-from toposeam.seam.labels import MethodOptions, decided_by
-from toposeam.seam.problem.overlap import FREE, TOUCHING, A, B, Overlap
-from toposeam.seam.problem.seam_problem import SeamProblem
+from toposeam.seam.cut_solver import CutSolver
+from toposeam.seam.exact.expansion import Decide, ExpansionMove, interfaces_beside
+from toposeam.seam.find import Method
 from toposeam.texture.canvas.progress import stage
 from toposeam.texture.exemplar.atlas import Floats32, Ints32
 from toposeam.texture.holes.expectation import Planes, gap_box
@@ -23,10 +24,6 @@ from toposeam.texture.holes.shift_candidates import Shifts
 _DATA = 6.0
 #: How far from a coarser seam, in coarser pixels, a finer one may run.
 _BAND = 2
-#: Least cost of an interface, so that no pixel is without connection.
-_LEAST_LINK = 1e-6
-#: A move has to lower the cost by this share of it.
-_LEAST_GAIN = 1e-6
 
 #: Where more pixels than this would be decided, counted once for each shift that may expand there, it is done
 #: window by window, of this many rows and columns, and shifts expand only beyond their own edges.
@@ -119,19 +116,14 @@ class ShiftMoves:
         )
         return np.ix_(rows, columns)
 
-    def shown(self, label: Ints, dy: int = 0, dx: int = 0, part: Part = EVERYWHERE) -> Floats32:
-        """Return what a labelling of a part of the region brings to each pixel's neighbour (dy, dx)."""
-        return self._brought(self.features, label, part, dy, dx)
-
-    def _brought(self, of: Floats32, label: Ints, part: Part, dy: int = 0, dx: int = 0) -> Floats32:
-        """Return the values of a picture as large as the ground at the place that a labelling takes each
-        pixel's neighbour from.
+    def _brought(self, of: Floats32, label: Ints, rows: Ints, columns: Ints) -> Floats32:
+        """Return the values of a picture as large as the ground at the place that a labelling takes pixels
+        from; rows and columns are those of the region, and all three broadcast.
         """
         height, width = self.ground.hole.shape
-        row = self.rows[part[0], np.newaxis] + self.shifts[label, 0] + dy * self.stride
-        column = self.columns[part[1]] + self.shifts[label, 1] + dx * self.stride
-        at = np.clip(row, 0, height - 1) * width + np.clip(column, 0, width - 1)
-        found: Floats32 = of.reshape(height * width, -1).take(at, axis=0)
+        row = np.clip(self.rows[rows] + self.shifts[label, 0], 0, height - 1)
+        column = np.clip(self.columns[columns] + self.shifts[label, 1], 0, width - 1)
+        found: Floats32 = of.reshape(height * width, -1).take(row * width + column, axis=0)
         return found
 
     def allows(self, index: int, part: Part = EVERYWHERE) -> Mask:
@@ -149,18 +141,27 @@ class ShiftMoves:
         allowed: Mask = self.ground.copied[at] & inside & self.near[part]
         return allowed
 
-    def data(self, label: Ints, part: Part = EVERYWHERE) -> Floats32:
-        """Return the data term of a labelling of a part of the region."""
-        like = self._brought(self._like, label, part)
-        cost: Floats32 = self.weight[part] * np.einsum("yxc->yx", np.abs(like - self.wanted[part]))
+    def _data(self, label: Ints, rows: Ints, columns: Ints) -> Floats32:
+        """Return the data term of a labelling of some pixels."""
+        apart = np.abs(self._brought(self._like, label, rows, columns) - self.wanted[rows, columns])
+        cost: Floats32 = self.weight[rows, columns] * np.einsum("...c->...", apart)
         cost[label == self.itself] = 0
         return cost
+
+    def _paid(self, i: Ints, j: Ints, *ends: tuple[Ints, Ints]) -> Floats:
+        """Return what interfaces cost, given by rows and columns of their two ends, that show i and j."""
+        total = np.zeros(len(i))
+        for pixels in ends:
+            apart = self._brought(self.features, i, *pixels) - self._brought(self.features, j, *pixels)
+            total += np.sqrt(np.einsum("ec,ec->e", apart, apart))
+        return total
 
     def begin(self) -> None:
         """Give each pixel of the hole the shift whose data term is least there."""
         best = np.full(self.hole.shape, np.inf, np.float32)
+        rows, columns = np.ogrid[: best.shape[0], : best.shape[1]]
         for index in range(self.itself):
-            data = self.data(np.full(self.hole.shape, index, np.intp))
+            data = self._data(np.full(self.hole.shape, index, np.intp), rows, columns)
             better = self.hole & self.allows(index) & (data < best)
             best[better], self.label[better] = data[better], index
 
@@ -209,36 +210,37 @@ class ShiftMoves:
 
     def total(self, label: Ints, part: Part = EVERYWHERE) -> float:
         """Compute the cost of a labelling of a part of the region."""
-        present = self.present[part]
-        here = self.shown(label, part=part)
-        cost = float(self.data(label, part).sum(dtype=float))
-        for dy, dx, s, t in _NEIGHBOURS:
-            ahead, behind = self.shown(label, dy, dx, part), self.shown(label, -dy, -dx, part)
-            differs = (label[s] != label[t]) & present[s] & present[t]
-            both = _norm(here[s], behind[t]) + _norm(ahead[s], here[t])
-            cost += float(both[differs].sum(dtype=float))
-        return cost
+        label, hole = label.ravel(), np.flatnonzero(self.hole[part])
+        p, q = interfaces_beside(self.present[part], self.present[part])
+        seam = np.flatnonzero(label[p] != label[q])
+        p, q = p[seam], q[seam]
+        paid = self._paid(label[p], label[q], self._places(p, part), self._places(q, part))
+        return float(self._data(label[hole], *self._places(hole, part)).sum(dtype=float) + paid.sum())
+
+    def _places(self, pixels: Ints, part: Part) -> tuple[Ints, Ints]:
+        """Return rows and columns of the region of pixels, given by flat indices in a part of it."""
+        row, column = np.divmod(pixels, self.hole[part].shape[1])
+        return row + (part[0].start or 0), column + (part[1].start or 0)
 
     def sweep(
         self, order: Iterable[int], most: int, method: Method, progress: Callable[[float], None] | None
     ) -> None:
         """Expand shift after shift until nothing gets better, in one window after another."""
-        order, options = set(order), method_options(method, {})
+        order, decide = set(order), CutSolver.of(method, {})
         if np.count_nonzero(self.free) * len(order) <= _AT_ONCE:
             self._reach = None
         windows = list(self._windows())
         for number, window in enumerate(windows):
             tried = order if self._reach is None else set(np.unique(self.label[_grown(window)]).tolist())
             report = stage(progress, number / len(windows), 1 / len(windows))
-            self._sweep(window, tried | {self.itself}, most, method, options, report)
+            self._sweep(window, tried | {self.itself}, most, decide, report)
 
     def _sweep(
         self,
         window: Part,
         active: set[int],
         most: int,
-        method: Method,
-        options: MethodOptions,
+        decide: Decide,
         progress: Callable[[float], None] | None,
     ) -> None:
         total = self.total(self.label[window], window)
@@ -246,7 +248,7 @@ class ShiftMoves:
             gained: set[int] = set()
             before = total
             for done, index in enumerate(sorted(active, key=lambda one: (one != self.itself, one))):
-                gain = self._expand(index, window, total, method, options)
+                gain = self._expand(index, window, decide)
                 if gain:
                     total -= gain
                     gained.add(index)
@@ -267,14 +269,11 @@ class ShiftMoves:
                 if self._reach is None or self.free[window].any():
                     yield window
 
-    def _expand(
-        self, index: int, window: Part, total: float, method: Method, options: MethodOptions
-    ) -> float:
-        """Compute by how much the cost falls when one shift expands in a window as is best; 0 where it does
-        not.
-        """
+    def _expand(self, index: int, window: Part, decide: Decide) -> float:
+        """Let one shift expand in a window as is best; by how much the cost falls."""
         around = _grown(window)
-        own = self.label[around] == index
+        label = self.label[around]
+        own = label == index
         free = np.zeros(own.shape, bool)
         inside = np.s_[
             window[0].start - around[0].start : window[0].stop - around[0].start,
@@ -286,62 +285,20 @@ class ShiftMoves:
             free &= ndimage.binary_dilation(own, iterations=self._reach)
         if not free.any():
             return 0.0
-        rows, columns = (np.flatnonzero(free.any(axis=axis)) for axis in (1, 0))
-        box = _grown((slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)))
-        part = (
-            slice(around[0].start + box[0].start, around[0].start + box[0].stop),
-            slice(around[1].start + box[1].start, around[1].start + box[1].stop),
-        )
-        label, free, own = self.label[part], free[box], own[box]
-        problem = self._problem(index, part, free, own)
-        if not (problem.overlap.side == FREE).any():
-            turned = problem.overlap.side == B
-        else:
-            turned = problem.complete(decided_by(problem, method, options)).astype(bool)
-        new = np.where(turned[1:-1, 1:-1] & free, index, label)
-        gain = self.total(label, part) - self.total(new, part)
-        if gain <= _LEAST_GAIN * total:
-            return 0.0
-        self.label[part] = new
-        return gain
 
-    def _problem(self, index: int, part: Part, free: Mask, own: Mask) -> SeamProblem:
-        """Pose the expansion move of a shift: ``b`` is the shift."""
-        label = self.label[part]
-        other = np.full(label.shape, index, np.intp)
-        here, brought = self.shown(label, part=part), self.shown(other, part=part)
-        turned = np.zeros(label.shape, np.float32)
-        links = []
-        for dy, dx, s, t in _NEIGHBOURS:
-            ahead, behind = self.shown(label, dy, dx, part), self.shown(label, -dy, -dx, part)
-            both = np.where(
-                label[s] != label[t], _norm(here[s], behind[t]) + _norm(ahead[s], here[t]), np.float32(0)
-            )
-            turn_p = _norm(brought[s], behind[t]) + _norm(brought[t], here[t])
-            turn_q = _norm(here[s], brought[s]) + _norm(ahead[s], brought[t])
-            known = (free[s] | free[t]) & self.present[part][s] & self.present[part][t]
-            turn_p[own[t]] = 0
-            turn_q[own[s]] = 0
-            both = np.minimum(both, turn_p + turn_q)
-            link = np.maximum((turn_p + turn_q - both) / 2, np.float32(_LEAST_LINK))
-            links.append(np.where(known, link, np.float32(0)))
-            turned[s] += np.where(known & free[s], (turn_p - turn_q - both) / 2, np.float32(0))
-            turned[t] += np.where(known & free[t], (turn_q - turn_p - both) / 2, np.float32(0))
-        turned += np.where(free, self.data(other, part) - self.data(label, part), np.float32(0))
-        side = np.full(label.shape, A, np.uint8)
-        side[own], side[free] = B, FREE
-        padded = np.pad(side, 1, constant_values=A)
-        overlap = Overlap(padded, padded != A, (-1, -1), label.shape)
-        right = np.pad(links[0], ((1, 1), (1, 1)))
-        down = np.pad(links[1], ((1, 1), (1, 1)))
-        problem = SeamProblem(
-            overlap,
-            right,
-            down,
-            showing_a=np.pad(np.maximum(-turned, 0), 1),
-            showing_b=np.pad(np.maximum(turned, 0), 1),
-        )
-        return _decided(problem, label.shape)
+        def paid(i: Ints, j: Ints, chosen: Any) -> Floats:
+            return self._paid(i, j, *(self._places(end[chosen], around) for end in ends))
+
+        ends, shows = interfaces_beside(free, self.present[around]), label.ravel()
+        nodes = np.flatnonzero(free)
+        places = self._places(nodes, around)
+        costs = self._data(shows[nodes], *places), self._data(np.full(len(nodes), index), *places)
+        turned = np.where(free.ravel(), index, shows)
+        piece = ndimage.label(free)[0].ravel()
+        move = ExpansionMove(piece, own.shape[1], ends, shows, turned, paid, costs)
+        pixels, gain = move.gaining(move.turned(decide))
+        self.label[self._places(pixels, around)] = index
+        return gain
 
     def spread(self) -> Ints32:
         """Return the labels of the box at full size: each stands for the pixels round it."""
@@ -352,12 +309,6 @@ class ShiftMoves:
         result: Ints32 = self.label[np.ix_(rows, columns)].astype(np.int32)
         result[(result == self.itself) | ~self.ground.near[self.box]] = -1
         return result
-
-
-_NEIGHBOURS = (
-    (0, 1, np.s_[:, :-1], np.s_[:, 1:]),
-    (1, 0, np.s_[:-1], np.s_[1:]),
-)
 
 
 def _grown(part: Part) -> Part:
@@ -379,33 +330,3 @@ def _average(planes: Iterable[Floats32], known: Mask, stride: int, out: Floats32
     for found in np.moveaxis(out, 2, 0):
         ndimage.uniform_filter(found, stride, output=found)
         found /= share
-
-
-def _norm(a: Floats32, b: Floats32) -> Floats32:
-    apart = a - b
-    result: Floats32 = np.einsum("yxc,yxc->yx", apart, apart)
-    return np.sqrt(result, out=result)
-
-
-def _decided(problem: SeamProblem, shape: tuple[int, int]) -> SeamProblem:
-    """Return the problem without its margin of one pixel where it lies, and with those free pixels decided
-    that nothing ties to one of the two sides.
-    """
-    component, count = ndimage.label(problem.overlap.side == FREE, TOUCHING)
-    tied_a, tied_b = (
-        np.bincount(component.ravel(), ties.ravel(), count + 1) > 0
-        for ties in (problem.grid.cold, problem.grid.hot)
-    )
-    if tied_a[1:].all() and tied_b[1:].all():
-        return problem
-    side = problem.overlap.side.copy()
-    side[(~tied_b)[component] & (component > 0)] = A
-    side[(tied_b & ~tied_a)[component] & (component > 0)] = B
-    overlap = Overlap(side, problem.overlap.shared, (-1, -1), shape)
-    return SeamProblem(
-        overlap,
-        problem.right,
-        problem.down,
-        showing_a=problem.showing_a,
-        showing_b=problem.showing_b,
-    )

@@ -8,7 +8,7 @@ import toposeam as ts
 from toposeam.layers.canvas import pieces_of
 from toposeam.layers.labelling import exclusive_covers, pose_labelling
 from toposeam.layers.search import Choices
-from toposeam.layers.search.cut_solver import CutSolver
+from toposeam.seam.cut_solver import CutSolver
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.5, 0.6, 0.9, 1.0])

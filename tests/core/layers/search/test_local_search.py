@@ -411,5 +411,5 @@ def test_nearly_shown_layers_at_half_size_may_show_at_full_size():
 def test_expansions_by_flow_end_as_those_by_heat_do(monkeypatch):
     layers = pile(3, alike=True)
     by_flow = ts.stitch(layers).cost
-    monkeypatch.setattr("toposeam.layers.search.cut_solver.FLOW_PIXELS", 0)
+    monkeypatch.setattr("toposeam.seam.cut_solver.FLOW_PIXELS", 0)
     assert ts.stitch(layers).cost == pytest.approx(by_flow, rel=5e-3)

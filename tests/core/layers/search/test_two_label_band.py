@@ -6,8 +6,8 @@ import toposeam as ts
 from toposeam.layers.canvas import Box, TileMap
 from toposeam.layers.labelling import Labelling, exclusive_covers, pose_labelling
 from toposeam.layers.search import band_of, write_pixels
-from toposeam.layers.search.cut_solver import CutSolver
 from toposeam.layers.search.two_label_band import Division, divided
+from toposeam.seam.cut_solver import CutSolver
 from toposeam.seam.heat import HeatOptions
 
 
@@ -83,10 +83,11 @@ def test_what_only_one_side_pulls_at_goes_to_it():
     label_map[61, 101] = min(other, 1) if other else 1
     pair = tuple(sorted({other, int(label_map[61, 101])}))
     band = band_of(labelling, label_map, pair, near)
-    network, _, chosen = band.network()
+    network, _, chosen = band.cut.network()
     assert network.n == 0
     assert len(band.rows) == 9
-    assert (band.labels(chosen, np.zeros(0, bool)) == (other == pair[1])).all()
+    decided = band.cut.hot(chosen, np.zeros(0, bool), band.second)
+    assert (decided == (other == pair[1])).all()
 
 
 def test_where_nothing_is_open_there_is_no_band(started):

@@ -1,0 +1,74 @@
+"""Minimum cuts of networks by a method, for moves of a labelling."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from toposeam.heat.network import Floats, Network
+from toposeam.images import Mask
+from toposeam.seam.automatic import FLOW_PIXELS
+from toposeam.seam.exact.graph_cut import least_cut
+from toposeam.seam.exact.maximum_flow import minimum_cut
+from toposeam.seam.find import Method, method_options
+from toposeam.seam.heat.method import HeatOptions
+from toposeam.seam.heat.newton import Heat, gather_heat
+
+#: Methods that cut networks; the others leave it to `auto`.
+_ANY_NETWORK: tuple[Method, ...] = ("auto", "heat", "shortest-path", "graph-cut")
+
+
+@dataclass(frozen=True, slots=True)
+class CutSolver:
+    """Finds minimum cuts of networks.
+
+    Parameters
+    ----------
+    method, options
+        As for :func:`toposeam.find_seam`. With `auto` networks of up to 30,000 nodes are cut by maximum flow;
+        larger ones gather heat, which is sooner found there.
+    forbidden : float
+        Interfaces that cost as much or more are forbidden.
+    """
+
+    method: Method
+    options: HeatOptions | None
+    forbidden: float = float("inf")
+
+    @classmethod
+    def of(cls, method: Method, options: Mapping[str, Any], forbidden: float = float("inf")) -> CutSolver:
+        """The solver of a method and its options as for :func:`toposeam.find_seam`."""
+        own: Method = method if method in _ANY_NETWORK else "auto"
+        # With `auto` heat cuts large networks and finds the label potentials, by these options.
+        chosen = method_options("heat" if own == "auto" else own, options if own == method else {})
+        return cls(own, chosen if isinstance(chosen, HeatOptions) else None, forbidden)
+
+    def rougher(self, tolerance: float) -> CutSolver:
+        """The same, whose heat stops within a tolerance at least."""
+        if self.options is None:
+            return self
+        options = dataclasses.replace(self.options, tolerance=max(tolerance, self.options.tolerance))
+        return dataclasses.replace(self, options=options)
+
+    def __call__(self, network: Network, cost: Floats) -> Mask:
+        """(n,) bool: the nodes on the hot side of the cheapest cut."""
+        if self.method == "heat" or (self.method == "auto" and network.n > FLOW_PIXELS):
+            return self.heat(network, cost).hot[:-2]
+        cut = least_cut if self.method == "graph-cut" else minimum_cut
+        return cut(network, self._bounded(cost))
+
+    def heat(self, network: Network, cost: Floats) -> Heat:
+        """The heat of a network gathered along its cheapest cut."""
+        options = self.options or HeatOptions()
+        return gather_heat(network, self._bounded(cost), options.tolerance, options.max_iterations)
+
+    def _bounded(self, cost: Floats) -> Floats:
+        """As much as all others together is forbidding enough."""
+        if np.isfinite(self.forbidden):
+            ordinary = float(cost[cost < self.forbidden].sum())
+            cost = np.minimum(cost, 1.01 * ordinary if ordinary > 0 else cost.max())
+        return cost

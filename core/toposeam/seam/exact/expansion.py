@@ -200,6 +200,8 @@ class ExpansionMove:
 
     def gaining(self, turned: Indices) -> tuple[Indices, float]:
         """Those of some turned pixels whose piece thereby costs less, and by how much all of these do."""
+        if not len(turned):
+            return turned, 0.0
         p, q = self._ends
         turning = np.zeros(len(self._piece), bool)
         turning[turned] = True

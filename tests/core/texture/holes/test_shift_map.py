@@ -195,6 +195,15 @@ def test_moves_lower_the_cost_below_what_chance_finds(sample):
 
 
 @pytest.mark.medium
+@pytest.mark.parametrize("method", ["heat", "shortest-path", "dp", "thesis"])
+def test_every_method_fills_as_well(sample, method):
+    """Those that cut no networks leave it to "auto"."""
+    image, hole = two_alike(sample)
+    spoiled = np.where(hole[..., np.newaxis], 0, image).astype(np.uint8)
+    np.testing.assert_array_equal(ts.fill(spoiled, hole, by="shifts", method=method).image, image)
+
+
+@pytest.mark.medium
 def test_a_large_region_is_decided_in_windows_at_little_cost(sample, monkeypatch):
     """Windows of 24 px on a region of 80: their seams cost a little more than those decided at once."""
     image = ndimage.gaussian_filter(sample(4, (120, 130), channels=3) / np.float32(255), (2, 2, 0))

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from toposeam.seam.exact.expansion import ExpansionMove, interfaces_beside
-from toposeam.seam.exact.maximum_flow import minimum_cut
+from toposeam.seam.exact import ExpansionMove, interfaces_beside, minimum_cut
 
 SHAPE = (3, 4)
 

@@ -1,5 +1,6 @@
 """A GIMP that is running, and the tests' line to it; inside_gimp.py is the other end."""
 
+import contextlib
 import json
 import os
 import re
@@ -112,11 +113,16 @@ class Gimp:
 
     def __getattr__(self, name):
         def call(**values):
-            self.lines.write(json.dumps([name, values]) + "\n")
-            self.lines.flush()
-            line = self.lines.readline()
+            try:
+                self.lines.write(json.dumps([name, values]) + "\n")
+                self.lines.flush()
+                line = self.lines.readline()
+            except ConnectionError:
+                line = ""
             if not line:
-                raise RuntimeError(f"GIMP ended: {self.log.read_text(errors='replace')[-3000:]}")
+                raise RuntimeError(
+                    f"GIMP ended ({self.process.wait(30)}): {self.log.read_text(errors='replace')[-3000:]}"
+                )
             answer = json.loads(line)
             if "error" in answer:
                 raise RuntimeError(answer["error"])
@@ -168,6 +174,10 @@ class Gimp:
                 told.append(line)
         return told
 
+    def runs(self):
+        """Whether GIMP is still there."""
+        return self.process.poll() is None
+
     def leftovers(self):
         """Request folders that are still there."""
         return list((self.folder / "tmp").glob("toposeam-request-*"))
@@ -181,7 +191,8 @@ class Gimp:
         except (OSError, subprocess.TimeoutExpired):
             self.process.kill()
             self.process.wait()
-        self.lines.close()
+        with contextlib.suppress(ConnectionError):
+            self.lines.close()
         self.socket.close()
 
 
@@ -235,9 +246,10 @@ class Screen:
         raise AssertionError(f"no window {name!r} within {seconds} s")
 
     def press(self, window, *keys):
-        """Type keys into a window."""
+        """Give a window the focus and type keys into it."""
         self.do("windowactivate", "--sync", window)
-        self.do("key", "--delay", "80", *keys)
+        if keys:
+            self.do("key", "--delay", "80", *keys)
 
     def shoot(self, file, window="root"):
         """Photograph a window, or all of the screen."""

@@ -37,15 +37,34 @@ def screen():
 
 
 @pytest.fixture(scope="module")
-def windowed(screen, tmp_path_factory):
-    running = Gimp(
-        tmp_path_factory.mktemp("windowed"),
-        {"DISPLAY": screen.display},
-        [find_gimp("gimp"), "--no-splash", "--new-instance"],
-    )
-    yield running
-    running.close()
-    assert running.complaints() == []
+def windows(screen, tmp_path_factory):
+    """Every GIMP with windows that these tests have started, the last one running or not."""
+    started = []
+
+    def start():
+        started.append(
+            Gimp(
+                tmp_path_factory.mktemp("windowed"),
+                {"DISPLAY": screen.display},
+                [find_gimp("gimp"), "--no-splash", "--new-instance"],
+            )
+        )
+
+    start()
+    yield started, start
+    for running in started:
+        running.close()
+    assert [line for running in started for line in running.complaints()] == []
+
+
+@pytest.fixture
+def windowed(windows):
+    """A GIMP with windows: a new one where a test has ended the last."""
+    started, start = windows
+    if not started[-1].runs():
+        started[-1].close()
+        start()
+    return started[-1]
 
 
 @pytest.fixture
@@ -103,9 +122,15 @@ def test_the_menu_entry_opens_a_dialog_and_one_undo_reverts_all(screen, windowed
     picture = screen.window("Background|grass|GIMP")
     # GIMP's search runs what is in the menus.
     screen.press(picture, "slash")
-    time.sleep(1.5)
+    search = screen.window("Search Actions")
+    size = "getwindowgeometry", "--shell", search
+    empty = screen.do(*size)
+    screen.press(search)
     screen.do("type", "--delay", "40", "Stitch Layers")
-    time.sleep(1.5)
+    deadline = time.monotonic() + 60
+    while screen.do(*size) == empty and time.monotonic() < deadline:
+        time.sleep(0.1)
+    time.sleep(1.5)  # the list follows the words
     screen.do("key", "Return")
     dialog = screen.window(title(STITCH))
     time.sleep(1)

@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from mutations import ROOT, SOURCES
@@ -38,30 +39,32 @@ def pieces() -> dict[str, list[str]]:
     return named
 
 
-def measure(cache: Path, until: float) -> bool:
-    """Let the tests that are not slow run under coverage, piece by piece, each once for as long as its files
-    stay as they are; False where time is up before.
+def measure(cache: Path, until: float, jobs: int = 1) -> bool:
+    """Let the tests that are not slow run under coverage, `jobs` pieces at a time, each once for as long as
+    its files stay as they are; False where time is up before.
     """
     cache.mkdir(parents=True, exist_ok=True)
-    for name, tests in pieces().items():
-        piece = cache / f"{name}-{_digest(tests)}"
-        if piece.with_suffix(".failed").exists():
-            continue
-        for old in cache.glob(f"{name}-????????.*"):
-            old.unlink()
-        if time.monotonic() > until:
-            return False
-        command = [sys.executable, "-m", "pytest", *tests, "-q", "-m", "not slow", "-p", "no:cacheprovider"]
-        command += ["-p", "no:xdist", "-rfE", "--durations=0", "--durations-min=0.1"]
-        command += [*(f"--cov={source}" for source in SOURCES), "--cov-context=test", "--cov-report="]
-        environment = {**os.environ, "COVERAGE_FILE": str(piece.with_suffix(".coverage"))}
-        ended = subprocess.run(
-            command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True, check=False
-        )
-        piece.with_suffix(".log").write_text(ended.stdout, encoding="utf-8")
-        failed = "".join(f"{test}\n" for test in _FAILED.findall(ended.stdout))
-        piece.with_suffix(".failed").write_text(failed, encoding="utf-8")
-        print(f"measured: {name}", flush=True)
+    with ThreadPoolExecutor(jobs) as pool:
+        return all(list(pool.map(lambda piece: _measure_piece(cache, until, *piece), pieces().items())))
+
+
+def _measure_piece(cache: Path, until: float, name: str, tests: list[str]) -> bool:
+    piece = cache / f"{name}-{_digest(tests)}"
+    if piece.with_suffix(".failed").exists():
+        return True
+    for old in cache.glob(f"{name}-????????.*"):
+        old.unlink()
+    if time.monotonic() > until:
+        return False
+    command = [sys.executable, "-m", "pytest", *tests, "-q", "-m", "not slow", "-p", "no:cacheprovider"]
+    command += ["-p", "no:xdist", "-rfE", "--durations=0", "--durations-min=0.1"]
+    command += [*(f"--cov={source}" for source in SOURCES), "--cov-context=test", "--cov-report="]
+    environment = {**os.environ, "COVERAGE_FILE": str(piece.with_suffix(".coverage"))}
+    ended = subprocess.run(command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True, check=False)
+    piece.with_suffix(".log").write_text(ended.stdout, encoding="utf-8")
+    failed = "".join(f"{test}\n" for test in _FAILED.findall(ended.stdout))
+    piece.with_suffix(".failed").write_text(failed, encoding="utf-8")
+    print(f"measured: {name}", flush=True)
     return True
 
 

@@ -240,7 +240,7 @@ def main() -> int:
     cache = options.cache / code_digest()
     tests, long = None, set[str]()
     if not options.nearby:
-        if not measure(cache, until):
+        if not measure(cache, until, options.jobs):
             return 3
         tests, long = covering_tests(cache), long_tests(cache)
     mutations = chosen(options.count, options.seed, options.only, tests)

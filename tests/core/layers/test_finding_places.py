@@ -95,7 +95,7 @@ def test_shared_features_are_those_of_skimage():
     )
     assert len(expected) > 5
     np.testing.assert_array_equal(shared_features(first, second), expected)
-    nothing = Look(first.detail, first.known, 1, np.zeros((0, 2)), None)
+    nothing = Look(first.detail, first.known, 1, np.zeros((0, 2)), np.zeros((0, 128), np.uint8))
     assert shared_features(first, nothing).shape == (0, 2)
     single = Look(first.detail, first.known, 1, first.keypoints[:1], first.descriptors[:1])
     expected = feature.match_descriptors(

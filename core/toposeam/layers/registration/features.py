@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import reduce
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +12,7 @@ import scipy
 
 from toposeam.images import Mask, as_float
 from toposeam.layers.canvas.layer import Layer
+from toposeam.layers.registration.sift import sift
 
 Floats = npt.NDArray[np.float64]
 Float = TypeVar("Float", np.float32, np.float64)
@@ -32,7 +33,7 @@ class Look:
     known: Mask
     scale: int
     keypoints: Floats  #: (K, 2) x and y at full size
-    descriptors: npt.NDArray[Any] | None
+    descriptors: npt.NDArray[np.uint8]  #: (K, 128)
     #: How many px of the picture a pixel of `detail` is wide.
     fine: int = 1
     #: Width and height of the picture, px, where `detail` does not say it.
@@ -47,14 +48,11 @@ class Look:
 
     def __post_init__(self) -> None:
         for values in (self.detail, self.known, self.descriptors):
-            if values is not None:
-                values.setflags(write=False)  # as those of costs
+            values.setflags(write=False)  # as those of costs
 
 
 def look_at(picture: Layer) -> Look:
     """Detail and features of a picture."""
-    from skimage import feature
-
     height, width = picture.image.shape[:2]
     fine = max(1, int(np.ceil(np.sqrt(height * width / _FINE_PIXELS))))
     known = reduced(picture.covered.astype(np.float32), fine) == 1
@@ -66,13 +64,9 @@ def look_at(picture: Layer) -> Look:
     detail = np.where(known, gray - slow, np.float32(0)).astype(np.float32)
     scale = max(1, int(np.ceil(np.sqrt(gray.size / _REDUCED_PIXELS))))
     small = reduced(gray, scale)
-    sift: Any = feature.SIFT(c_dog=_CONTRAST)  # type: ignore[no-untyped-call]
-    try:
-        sift.detect_and_extract(small)
-    except (RuntimeError, IndexError, ValueError):  # nothing to be found, or too small to look for anything
-        return Look(detail, known, scale * fine, np.zeros((0, 2)), None, fine, (width, height))
-    points = (sift.keypoints[:, ::-1] + 0.5) * scale * fine - 0.5
-    return Look(detail, known, scale * fine, points.astype(float), sift.descriptors, fine, (width, height))
+    points, descriptors = sift(small, _CONTRAST)
+    points = (points + 0.5) * scale * fine - 0.5
+    return Look(detail, known, scale * fine, points, descriptors, fine, (width, height))
 
 
 def gray_of(planes: npt.NDArray[np.float32], dtype: type[Float]) -> npt.NDArray[Float]:
@@ -102,11 +96,11 @@ def shared_features(a: Look, b: Look) -> npt.NDArray[np.intp]:
     (N, 2) int array
         In `a` and in `b`.
     """
-    if a.descriptors is None or b.descriptors is None:
+    if not (len(a.descriptors) and len(b.descriptors)):
         return np.zeros((0, 2), np.intp)
     # Whole numbers up to 128 · 255² are exact in float32, so this is what skimage.feature.match_descriptors
     # gives, in a tenth of its time.
-    first, second = (look.descriptors.astype(np.float32) for look in (a, b))  # type: ignore[union-attr]
+    first, second = (look.descriptors.astype(np.float32) for look in (a, b))
     distance = (-2 * first) @ second.T
     distance += np.square(first).sum(axis=1)[:, np.newaxis]
     distance += np.square(second).sum(axis=1)

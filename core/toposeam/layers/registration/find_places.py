@@ -1,7 +1,7 @@
 """Places of pictures of which nobody says where they belong.
 
 1. Each picture, reduced, is described by its SIFT features (Lowe 2004,
-   doi:10.1023/B:VISI.0000029664.99615.94; scikit-image's), and pairs of pictures by those that match.
+   doi:10.1023/B:VISI.0000029664.99615.94), and pairs of pictures by those that match.
 2. The poorest model that explains the pictures is taken, and adjusted to all pairs at once, so that loops
    close. *Shift* and *similarity* (a turn and a scale) come first: patches of each overlap, laid exactly on
    each other by phase correlation, give them by linear least squares

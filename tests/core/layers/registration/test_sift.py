@@ -1,0 +1,87 @@
+"""SIFT features against scikit-image's, against a turned picture, and of pictures that show nothing."""
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+from scipy.spatial import cKDTree
+from skimage import data, feature
+
+from toposeam.layers.registration.sift import sift
+
+CONTRAST = 0.004
+
+
+@pytest.fixture(scope="module")
+def picture():
+    return data.camera()[80:231, 120:321].astype(np.float32) / 255
+
+
+def test_points_are_those_of_skimage(picture):
+    points, _ = sift(picture, CONTRAST)
+    theirs = feature.SIFT(c_dog=CONTRAST)
+    theirs.detect_and_extract(picture)
+    # Theirs lie a quarter of a pixel too far right and down: twice as many pixels have other middles.
+    expected = theirs.positions[:, ::-1] - 0.25
+    assert len(expected) > 200
+    for some, others in ((points, expected), (expected, points)):
+        assert np.mean(cKDTree(others).query(some)[0] < 0.05) > 0.98
+
+
+def test_descriptors_agree_with_those_of_skimage(picture):
+    points, descriptors = sift(picture, CONTRAST)
+    theirs = feature.SIFT(c_dog=CONTRAST)
+    theirs.detect_and_extract(picture)
+    apart, nearest = cKDTree(points).query(theirs.positions[:, ::-1] - 0.25)
+    alone = (apart < 0.01) & (
+        np.unique(points, axis=0, return_counts=True)[1][_numbers(points)[nearest]] == 1
+    )
+    ours = descriptors[nearest[alone]].astype(float).reshape(-1, 16, 8)
+    others = theirs.descriptors[alone].astype(float).reshape(-1, 16, 8)
+    # Cells and directions are counted from elsewhere, alike for all: what a cell holds is compared.
+    cells = [np.sort(values.sum(axis=2), axis=1) for values in (ours, others)]
+    assert alone.sum() > 100
+    assert np.median(np.abs(cells[0] - cells[1]).mean(axis=1) / cells[1].mean(axis=1)) < 0.1
+
+
+def _numbers(points):
+    return np.unique(points, axis=0, return_inverse=True)[1].ravel()
+
+
+@pytest.mark.parametrize("turns", [1, 2, 3])
+def test_a_turned_picture_has_the_same_features(picture, turns):
+    points, descriptors = sift(picture, CONTRAST)
+    turned, others = sift(np.ascontiguousarray(np.rot90(picture, turns)), CONTRAST)
+    height, width = picture.shape
+    back = turned @ np.linalg.matrix_power([[0, -1], [1, 0]], turns).T
+    back += {1: (width - 1, 0), 2: (width - 1, height - 1), 3: (0, height - 1)}[turns]
+    distance = np.abs(descriptors[:, np.newaxis].astype(int) - others).sum(axis=2)
+    nearest = distance.argmin(axis=1)
+    # Every other pixel of a larger level is not the same one from the other side.
+    assert np.mean(np.abs(points - back[nearest]).max(axis=1) < 0.5) > 0.9
+    assert np.median(distance.min(axis=1)) < 60  # of up to 5,000
+
+
+def test_half_as_large_and_darker_the_features_are_found(picture):
+    points, descriptors = sift(picture, CONTRAST)
+    small = gaussian_filter(picture, 0.8)[::2, ::2] * np.float32(0.6)
+    halves, others = sift(np.ascontiguousarray(small), CONTRAST)
+    distance = np.abs(others[:, np.newaxis].astype(int) - descriptors).sum(axis=2)
+    nearest = points[distance.argmin(axis=1)]
+    assert np.mean(np.abs(2 * halves - nearest).max(axis=1) < 1.5) > 0.5
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 40), (5, 7), (6, 6), (13, 200)])
+def test_small_and_empty_pictures_have_no_features(shape):
+    for value in (0.0, 0.7):
+        points, descriptors = sift(np.full(shape, value, np.float32), CONTRAST)
+        assert points.shape == (0, 2)
+        assert descriptors.shape == (0, 128)
+        assert descriptors.dtype == np.uint8
+
+
+def test_faint_detail_is_left_out(picture):
+    all_of_it, _ = sift(picture, CONTRAST)
+    strong, _ = sift(picture, 10 * CONTRAST)
+    none, _ = sift(picture / 1000, CONTRAST)
+    assert 0 < len(strong) < len(all_of_it) / 3
+    assert len(none) == 0

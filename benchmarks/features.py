@@ -17,7 +17,7 @@ import numpy as np
 from skimage import data, feature, transform
 
 from toposeam.layers.registration.features import Look, shared_features
-from toposeam.layers.registration.sift import sift
+from toposeam.layers.registration.sift import find_features
 
 PHOTOGRAPHS = ("astronaut", "camera", "chelsea", "coffee", "brick", "grass", "gravel", "hubble_deep_field")
 CONTRAST = 0.004
@@ -36,7 +36,7 @@ def theirs(gray: np.ndarray) -> Found:
 
 
 def ours(gray: np.ndarray) -> Found:
-    return sift(gray, CONTRAST)
+    return find_features(gray, CONTRAST)
 
 
 def pair(

@@ -6,6 +6,7 @@ from .homography import applied
 from .pair_matching import Match
 from .panorama import View, camera_transforms, plane_transforms
 from .placement import MODELS, Placement, Residual
+from .sift import find_features
 
 __all__ = [
     "MODELS",
@@ -21,6 +22,7 @@ __all__ = [
     "applied",
     "camera_transforms",
     "correlations",
+    "find_features",
     "found_places",
     "left_over",
     "plane_transforms",

@@ -28,9 +28,8 @@ from toposeam.images import Image, Mask, as_float
 from toposeam.layers.canvas.layer import Box, Layer, check_layers, cut
 from toposeam.layers.execution.tasks import Executor, check_executor, results
 from toposeam.layers.labelling.problem import Pair
-from toposeam.layers.registration.consensus import voted
+from toposeam.layers.registration.consensus import evidence_of, named_pairs, voted
 from toposeam.layers.registration.features import gray_of, reduced
-from toposeam.layers.registration.outlier_pairs import evidence_of, named_pairs
 from toposeam.layers.registration.pair_matching import Match, groups
 from toposeam.layers.registration.pose_graph import least_squares
 

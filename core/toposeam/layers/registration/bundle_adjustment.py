@@ -22,8 +22,8 @@ from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree, sho
 
 from toposeam.layers.canvas.transforms import undistorted
 from toposeam.layers.labelling.problem import Pair
+from toposeam.layers.registration.consensus import evidence_of
 from toposeam.layers.registration.homography import applied, areas
-from toposeam.layers.registration.outlier_pairs import evidence_of
 from toposeam.layers.registration.pair_matching import Match
 
 Floats = npt.NDArray[np.float64]

@@ -12,7 +12,7 @@ import scipy
 
 from toposeam.images import Mask, as_float
 from toposeam.layers.canvas.layer import Layer
-from toposeam.layers.registration.sift import sift
+from toposeam.layers.registration.sift import find_features
 
 Floats = npt.NDArray[np.float64]
 Float = TypeVar("Float", np.float32, np.float64)
@@ -64,7 +64,7 @@ def look_at(picture: Layer) -> Look:
     detail = np.where(known, gray - slow, np.float32(0)).astype(np.float32)
     scale = max(1, int(np.ceil(np.sqrt(gray.size / _REDUCED_PIXELS))))
     small = reduced(gray, scale)
-    points, descriptors = sift(small, _CONTRAST)
+    points, descriptors = find_features(small, _CONTRAST)
     points = (points + 0.5) * scale * fine - 0.5
     return Look(detail, known, scale * fine, points, descriptors, fine, (width, height))
 

@@ -8,7 +8,7 @@
    (:mod:`toposeam.layers.registration.pose_graph`). Then come a camera that *rotates* and homographies of one
    *plane* (:mod:`toposeam.layers.registration.models`).
 3. Pairs that match where they do not belong, as what repeats itself does, are left out where others outvote
-   them (:mod:`toposeam.layers.registration.outlier_pairs`).
+   them (:mod:`toposeam.layers.registration.consensus`).
 4. Pictures that are only moved come to lie on whole pixels; others are warped once, by cubic splines.
 """
 

@@ -13,6 +13,8 @@ Floats = npt.NDArray[np.float64]
 
 #: Trials of RANSAC at most, and how sure it shall be to have drawn inliers only.
 _TRIALS, _BATCH, _SURE = 2000, 250, 0.999
+#: Fits of a homography to all that agree, at most.
+_FITS = 6
 _LEAST_MATCHES = 8
 #: Inliers that a pair needs: so many, and this share of all matches in the overlap (Brown and Lowe 2007,
 #: doi:10.1007/s11263-006-0002-3, equation 13).
@@ -81,7 +83,9 @@ def find_homography(
 
 
 def _most_inliers(a: Floats, b: Floats, near: float) -> Mask | None:
-    """The matches that agree to the best of the homographies through four matches each."""
+    """The matches that agree to the best of the homographies through four matches each; the best one of each
+    batch is fitted to all that agree (LO-RANSAC; Chum, Matas and Kittler 2003).
+    """
     rng = np.random.default_rng(0)
     best, trials, needed = np.zeros(len(a), bool), 0, float(_TRIALS)
     while trials < needed:
@@ -89,20 +93,26 @@ def _most_inliers(a: Floats, b: Floats, near: float) -> Mask | None:
         matrices = _through_four(a[chosen], b[chosen])
         off = np.square(applied(matrices, np.broadcast_to(b, (len(matrices), *b.shape))) - a).sum(axis=-1)
         agree = off < near
-        leader = agree[agree.sum(axis=1).argmax()] if len(agree) else best
-        if leader.sum() > best.sum():
-            best = leader
-            missed = 1 - (best.mean()) ** 4
-            needed = min(_TRIALS, np.log(1 - _SURE) / np.log(missed) if missed > 1e-12 else 0)
+        if len(agree):
+            leader = _fitted_again(a, b, agree[agree.sum(axis=1).argmax()], near)
+            if leader.sum() > best.sum():
+                best = leader
+                missed = 1 - (best.mean()) ** 4
+                needed = min(_TRIALS, np.log(1 - _SURE) / np.log(missed) if missed > 1e-12 else 0)
         trials += _BATCH
-    for _ in range(6):
-        if best.sum() < _LEAST_MATCHES:
-            return None
-        off = np.square(applied(_least_squares(a[best], b[best]), b) - a).sum(axis=1)
-        before, best = best, off < near
-        if (before == best).all():
-            break
     return best if best.sum() >= _LEAST_MATCHES else None
+
+
+def _fitted_again(a: Floats, b: Floats, agreeing: Mask, near: float) -> Mask:
+    """The matches that agree to what fits the agreeing ones best, until these stay the same."""
+    for _ in range(_FITS):
+        if agreeing.sum() < _LEAST_MATCHES:
+            break
+        off = np.square(applied(_least_squares(a[agreeing], b[agreeing]), b) - a).sum(axis=1)
+        before, agreeing = agreeing, off < near
+        if (before == agreeing).all():
+            break
+    return agreeing
 
 
 def least_squares_homography(a: Floats, b: Floats) -> Floats:

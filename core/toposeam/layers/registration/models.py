@@ -4,7 +4,7 @@
    (:mod:`toposeam.layers.registration.bundle_adjustment`); the camera, which has fewer unknowns, is taken
    unless it leaves clearly more.
 2. Pairs that match where they do not belong are left out where others outvote them
-   (:mod:`toposeam.layers.registration.outlier_pairs`).
+   (:mod:`toposeam.layers.registration.consensus`).
 3. Patches of each overlap, warped by the model, are laid on each other by phase correlation, and the model
    is adjusted to them.
 """
@@ -33,10 +33,9 @@ from toposeam.layers.registration.bundle_adjustment import (
     spanning_tree,
     strengths_of,
 )
-from toposeam.layers.registration.consensus import ELSEWHERE
+from toposeam.layers.registration.consensus import ELSEWHERE, divided
 from toposeam.layers.registration.features import Look
 from toposeam.layers.registration.homography import applied
-from toposeam.layers.registration.outlier_pairs import divided
 from toposeam.layers.registration.pair_matching import Match, groups
 from toposeam.layers.registration.patches import LaidPatches, find_patches
 

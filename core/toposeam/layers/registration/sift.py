@@ -2,7 +2,7 @@
 
 Lowe, Distinctive image features from scale-invariant keypoints, IJCV 2004. Steps and constants are those of
 Rey Otero and Delbracio, Anatomy of the SIFT method, IPOL 2014 (doi 10.5201/ipol.2014.82). All points of a
-level are described together, each from 12 × 12 samples of the gradient in a frame turned and scaled with it.
+level are described together, each from 16 × 16 samples of the gradient in a frame turned and scaled with it.
 Positions and gradients are complex numbers, y + ix.
 """
 
@@ -33,14 +33,14 @@ _EDGE = 10.0
 #: Directions of a histogram, times it is smoothed, and how high a peak is, by the highest one.
 _BINS, _SMOOTHED, _PEAK = 36, 6, 0.8
 #: Samples along a side of the square that a descriptor describes.
-_SAMPLES = 12
+_SAMPLES = 16
 #: Where gradients are sampled for directions and for descriptors, in units of the blur; their weights.
 _ROUND = (np.mgrid[-6:7, -6:7].T @ [1, 1j] * 0.75).ravel()
 _ROUND_WEIGHT = np.exp(-(np.abs(_ROUND) ** 2) / (2 * 1.5**2)).astype(np.float32)
 _SIDE = (np.arange(_SAMPLES) - (_SAMPLES - 1) / 2) * (15 / _SAMPLES)
 _PATCH = (_SIDE[:, np.newaxis] + 1j * _SIDE).ravel()
 _PATCH_WEIGHT = np.exp(-(np.abs(_PATCH) ** 2) / (2 * 6.0**2)).astype(np.float32)
-#: (144, 16): the share of each sample in each of 4 × 4 histograms of 8 directions.
+#: (256, 16): the share of each sample in each of 4 × 4 histograms of 8 directions.
 _SHARE_1D = np.maximum(1 - np.abs(_SIDE[:, np.newaxis] - [-4.5, -1.5, 1.5, 4.5]) / 3, 0)
 _SHARE = np.einsum("yi,xj->yxij", _SHARE_1D, _SHARE_1D).reshape(-1, 16).astype(np.float32)
 _DIRECTIONS = 8
@@ -48,7 +48,7 @@ _DIRECTIONS = 8
 _GREATEST = 0.2
 
 
-def sift(image: Floats32, contrast: float) -> tuple[Floats, npt.NDArray[np.uint8]]:
+def find_features(image: Floats32, contrast: float) -> tuple[Floats, npt.NDArray[np.uint8]]:
     """Find the features of a gray picture.
 
     Parameters

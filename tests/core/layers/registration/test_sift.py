@@ -6,7 +6,7 @@ from scipy.ndimage import gaussian_filter
 from scipy.spatial import cKDTree
 from skimage import data, feature
 
-from toposeam.layers.registration.sift import sift
+from toposeam.layers.registration import find_features
 
 CONTRAST = 0.004
 
@@ -17,7 +17,7 @@ def picture():
 
 
 def test_points_are_those_of_skimage(picture):
-    points, _ = sift(picture, CONTRAST)
+    points, _ = find_features(picture, CONTRAST)
     theirs = feature.SIFT(c_dog=CONTRAST)
     theirs.detect_and_extract(picture)
     # Theirs lie a quarter of a pixel too far right and down: twice as many pixels have other middles.
@@ -28,7 +28,7 @@ def test_points_are_those_of_skimage(picture):
 
 
 def test_descriptors_agree_with_those_of_skimage(picture):
-    points, descriptors = sift(picture, CONTRAST)
+    points, descriptors = find_features(picture, CONTRAST)
     theirs = feature.SIFT(c_dog=CONTRAST)
     theirs.detect_and_extract(picture)
     apart, nearest = cKDTree(points).query(theirs.positions[:, ::-1] - 0.25)
@@ -49,8 +49,8 @@ def _numbers(points):
 
 @pytest.mark.parametrize("turns", [1, 2, 3])
 def test_a_turned_picture_has_the_same_features(picture, turns):
-    points, descriptors = sift(picture, CONTRAST)
-    turned, others = sift(np.ascontiguousarray(np.rot90(picture, turns)), CONTRAST)
+    points, descriptors = find_features(picture, CONTRAST)
+    turned, others = find_features(np.ascontiguousarray(np.rot90(picture, turns)), CONTRAST)
     height, width = picture.shape
     back = turned @ np.linalg.matrix_power([[0, -1], [1, 0]], turns).T
     back += {1: (width - 1, 0), 2: (width - 1, height - 1), 3: (0, height - 1)}[turns]
@@ -62,9 +62,9 @@ def test_a_turned_picture_has_the_same_features(picture, turns):
 
 
 def test_half_as_large_and_darker_the_features_are_found(picture):
-    points, descriptors = sift(picture, CONTRAST)
+    points, descriptors = find_features(picture, CONTRAST)
     small = gaussian_filter(picture, 0.8)[::2, ::2] * np.float32(0.6)
-    halves, others = sift(np.ascontiguousarray(small), CONTRAST)
+    halves, others = find_features(np.ascontiguousarray(small), CONTRAST)
     distance = np.abs(others[:, np.newaxis].astype(int) - descriptors).sum(axis=2)
     nearest = points[distance.argmin(axis=1)]
     assert np.mean(np.abs(2 * halves - nearest).max(axis=1) < 1.5) > 0.5
@@ -73,15 +73,15 @@ def test_half_as_large_and_darker_the_features_are_found(picture):
 @pytest.mark.parametrize("shape", [(1, 1), (1, 40), (5, 7), (6, 6), (13, 200)])
 def test_small_and_empty_pictures_have_no_features(shape):
     for value in (0.0, 0.7):
-        points, descriptors = sift(np.full(shape, value, np.float32), CONTRAST)
+        points, descriptors = find_features(np.full(shape, value, np.float32), CONTRAST)
         assert points.shape == (0, 2)
         assert descriptors.shape == (0, 128)
         assert descriptors.dtype == np.uint8
 
 
 def test_faint_detail_is_left_out(picture):
-    all_of_it, _ = sift(picture, CONTRAST)
-    strong, _ = sift(picture, 10 * CONTRAST)
-    none, _ = sift(picture / 1000, CONTRAST)
+    all_of_it, _ = find_features(picture, CONTRAST)
+    strong, _ = find_features(picture, 10 * CONTRAST)
+    none, _ = find_features(picture / 1000, CONTRAST)
     assert 0 < len(strong) < len(all_of_it) / 3
     assert len(none) == 0

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import gaussian_filter, map_coordinates, zoom
+import scipy
 
 Floats = npt.NDArray[np.float64]
 Floats32 = npt.NDArray[np.float32]
@@ -65,8 +65,8 @@ def find_features(image: Floats32, contrast: float) -> tuple[Floats, npt.NDArray
     descriptors : (K, 128) uint8 array
     """
     points, descriptors = [np.zeros((0, 2))], [np.zeros((0, 128), np.uint8)]
-    doubled = zoom(image, 2, order=1, mode="nearest", grid_mode=True)
-    level = gaussian_filter(doubled, np.sqrt(_BLUR**2 - _CAMERA_BLUR**2))
+    doubled = scipy.ndimage.zoom(image, 2, order=1, mode="nearest", grid_mode=True)
+    level = scipy.ndimage.gaussian_filter(doubled, np.sqrt(_BLUR**2 - _CAMERA_BLUR**2))
     for octave in range(_OCTAVES):
         if min(doubled.shape) < _SHORTEST * 2**octave:
             break
@@ -95,7 +95,7 @@ def _blurred(first: Floats32) -> Floats32:
     more = np.sqrt(2 ** (2 / _LEVELS) - 1)
     for number in range(1, len(levels)):
         blur = more * _BLUR * 2 ** ((number - 1) / _LEVELS)
-        gaussian_filter(levels[number - 1], blur, output=levels[number])
+        scipy.ndimage.gaussian_filter(levels[number - 1], blur, output=levels[number])
     return levels
 
 
@@ -170,7 +170,7 @@ def _described(level: Floats32, at: Complexes, blur: Floats) -> tuple[Complexes,
 def _sampled(gradient: Any, at: Complexes, scale: Any, grid: Any) -> Any:
     """(N, M) complex64: the gradient at a grid laid round each point; 0 outside."""
     where = at[:, np.newaxis] + np.multiply.outer(scale, grid)
-    return map_coordinates(gradient, [where.real, where.imag], order=1, mode="constant")
+    return scipy.ndimage.map_coordinates(gradient, [where.real, where.imag], order=1, mode="constant")
 
 
 def _directions(samples: Any) -> tuple[npt.NDArray[np.intp], Floats]:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from skimage import data, feature, transform
 
+from stamp import stamp
 from toposeam.layers.registration.features import Look, shared_features
 from toposeam.layers.registration.sift import find_features
 
@@ -63,6 +64,7 @@ def main() -> None:
     parser.add_argument("--scale", type=float, default=0.9)
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
+    print(stamp())
     rng = np.random.default_rng(options.seed)
     spent, right = np.zeros(2), np.zeros(2, int)
     print(f"{'':20}{'features':>16}{'matches':>16}{'right':>16}{'seconds':>16}")

@@ -366,6 +366,7 @@ BAD = {
     "no model": {"model": None},
     "a projection that is none": {"projection": "fisheye"},
     "no focal length": {"focal": 0},
+    "a focal length shorter than a pixel": {"focal": 1e-300},
     "a text for a focal length": {"focal": "24 mm"},
     "no number for a focal length": {"focal": math.nan},
     "no lens at all": {"lens": 0.7},

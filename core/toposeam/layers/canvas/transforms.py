@@ -266,7 +266,7 @@ def similarity(at: tuple[float, float], turn: float = 0.0, scale: float = 1.0) -
 
 def reach(transform: Transform, size: tuple[int, int]) -> tuple[Floats, Floats] | None:
     """Least and greatest x and y on the canvas of what is shown of a picture of that width and height; None
-    where nothing is.
+    where nothing is. Where the field of view ends, a whole pixel.
     """
     width, height = size
     edge = transform.edge if isinstance(transform, CameraTransform) else math.inf
@@ -278,5 +278,5 @@ def reach(transform: Transform, size: tuple[int, int]) -> tuple[Floats, Floats] 
     points = points[finite & scipy.ndimage.binary_dilation(within, np.ones((3, 3)))]
     if not len(points):
         return None
-    limit = np.array([edge, math.inf])
+    limit = np.array([np.floor(edge), math.inf])
     return np.maximum(points.min(axis=0), -limit), np.minimum(points.max(axis=0), limit)

@@ -10,7 +10,7 @@ found is minimised with a Cauchy loss (Triggs et al. 2000, doi:10.1007/3-540-444
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
@@ -46,6 +46,8 @@ _DISTORTION_GAIN, _PAIR_GAIN, _LARGEST_DISTORTION = 0.04, 0.25, 0.2
 _ZOOM, _ZOOM_GAIN = 0.15, 0.25
 #: Beyond this many px a point is as wrong as any other.
 _CAP = 20.0
+#: This share of a pair's points may be wrong.
+_WRONG = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -509,9 +511,13 @@ def _likely_focals(sizes: Floats, matches: Mapping[Pair, Match]) -> list[float]:
 
 
 def left_over(bundle: Bundle, matches: Mapping[Pair, Match], pairs: Collection[Pair] | None = None) -> float:
-    """Root of the mean square of what is left, px, each at most `_CAP`, all pairs alike."""
-    parts: Sequence[float] = [
-        float(np.mean(np.minimum(bundle.off(pair, matches[pair]), _CAP) ** 2))
-        for pair in (matches if pairs is None else pairs)
-    ]
+    """Root of the mean square of what is left, px, each at most `_CAP`, all pairs alike.
+
+    The farthest `_WRONG` of a pair's points do not count: a model with more unknowns bends to a wrong one.
+    """
+    parts: list[float] = []
+    for pair in matches if pairs is None else pairs:
+        off = np.sort(bundle.off(pair, matches[pair]))
+        nearest = off[: math.ceil((1 - _WRONG) * len(off))]
+        parts.append(float(np.mean(np.minimum(nearest, _CAP) ** 2)))
     return math.sqrt(float(np.mean(parts)))

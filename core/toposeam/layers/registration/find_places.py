@@ -14,7 +14,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
@@ -55,6 +54,8 @@ from toposeam.layers.registration.refusals import check_exact, check_joined, is_
 
 #: Least correlation of two overlaps that are taken to show the same.
 LEAST_CORRELATION = 0.5
+#: Greatest focal length, px.
+_LONGEST_FOCAL = 1e9
 #: Similarities that leave no more px at a twentieth of the points of any pair are not compared with other
 #: models.
 _EXPLAINED = 1.2
@@ -94,7 +95,7 @@ def find_places(
     exact : bool
         Refuse pictures that moves, turns and scales do not place exactly, and those that fit none of the
         others, which are left out otherwise.
-    focal : float, optional
+    focal : float in [1, 1e9], optional
         Focal length of the camera, px of the pictures; by default estimated. It, `lens`, `projection` and
         `fov` make the model "auto" a camera that rotates.
     lens : float, optional
@@ -187,7 +188,7 @@ class PlaceOptions:
         check_choice("exact", self.exact, (True, False))
         check_range(0, 1, above=True, least_correlation=self.least_correlation)
         if self.focal is not None:
-            check_range(0, math.inf, above=True, focal=self.focal)
+            check_range(1, _LONGEST_FOCAL, focal=self.focal)
         if self.lens is not None:
             check_range(-0.5, 0.5, lens=self.lens)
         if self.fov is not None:

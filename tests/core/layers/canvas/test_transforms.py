@@ -237,3 +237,10 @@ def test_reach_holds_all_that_is_shown():
     assert there.min(axis=0) == pytest.approx(low, abs=0.05)
     assert there.max(axis=0) == pytest.approx(high, abs=0.05)
     assert reach(camera("flat", (180, 0, 0)), SIZE) is None
+
+
+@pytest.mark.parametrize("fov", [20.0, 21.37, 33.0])
+def test_reach_has_whole_pixels_within_the_field_of_view(fov):
+    low, high = reach(camera("cylinder", fov=fov), SIZE)
+    edge = math.floor(300 * math.radians(fov) / 2)
+    assert (low[0], high[0]) == (-edge, edge)

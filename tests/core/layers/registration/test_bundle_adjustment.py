@@ -1,6 +1,7 @@
 """Pictures adjusted at once to the points that pairs of them share, all of which are made up here."""
 
 import dataclasses
+import math
 from functools import partial
 
 import numpy as np
@@ -207,6 +208,17 @@ def test_points_of_a_pair_are_apart_by_what_was_added():
     assert bundle.off((0, 1), moved) == pytest.approx(np.full(60, 5.0), abs=1e-3)
     far = dataclasses.replace(one, second=one.second + 500.0)
     assert left_over(bundle, {(0, 1): far}) == pytest.approx(20)
+
+
+@pytest.mark.parametrize(("wrong", "left"), [(6, 0), (7, 20 / math.sqrt(54))])
+def test_a_tenth_of_the_points_of_a_pair_may_be_wrong(wrong, left):
+    views = before_a_wall(FOCAL, WALL[:2], SIZE)
+    matches = matches_of(views, noise=0.0)
+    bundle = adjust_plane(sizes_of(views), matches)
+    one = matches[0, 1]
+    second = one.second + np.where(np.arange(60) < wrong, 500.0, 0.0)[:, np.newaxis]
+    found = left_over(bundle, {(0, 1): dataclasses.replace(one, second=second)})
+    assert found == pytest.approx(left, abs=1e-3)
 
 
 def test_the_tree_takes_the_strongest_pairs():

@@ -32,6 +32,7 @@ _WANDERING = 0.6
 _BAND = 16
 #: How far from an end of the path its end among every other corner may lie, corners of these.
 _NEAR = 8
+_NO_WAY = np.float32(np.inf)
 
 
 def cheapest_path(
@@ -58,11 +59,18 @@ def cheapest_path(
     if below.size > whole:
         near = _beside_coarse_path(below, beside, ends, whole)
         if near is not None:
-            away = np.float32(np.inf)
-            narrowed = CornerGraph.of(np.where(near, below, away), np.where(near, beside, away), ends)
-            found = narrowed.cheapest_path(limit) if narrowed is not None else (None, np.inf)
-            if found[0] is not None:
-                return found
+            path, length = _searched(
+                *(np.where(near, costs, _NO_WAY) for costs in (below, beside)), ends, limit
+            )
+            if path is not None:
+                return path, length
+    return _searched(below, beside, ends, limit)
+
+
+def _searched(
+    below: Floats32, beside: Floats32, ends: tuple[int, int], limit: float
+) -> tuple[npt.NDArray[np.intp] | None, float]:
+    """The cheapest path of all, and its length, as :func:`cheapest_path` returns them."""
     graph = CornerGraph.of(below, beside, ends)
     return (None, np.inf) if graph is None else graph.cheapest_path(limit)
 

@@ -59,9 +59,8 @@ def cheapest_path(
     if below.size > whole:
         near = _beside_coarse_path(below, beside, ends, whole)
         if near is not None:
-            path, length = _searched(
-                *(np.where(near, costs, _NO_WAY) for costs in (below, beside)), ends, limit
-            )
+            narrowed = np.where(near, below, _NO_WAY), np.where(near, beside, _NO_WAY)
+            path, length = _searched(*narrowed, ends, limit)
             if path is not None:
                 return path, length
     return _searched(below, beside, ends, limit)

@@ -81,8 +81,8 @@ check-deep: $(READY)  ## 120 seeded mutations of the code: do the tests notice? 
 	$(ONE_THREAD) $(BIN)/python tests/mutants.py --count 120 -j 2
 
 SEED := $(shell date +%s)
-check-trust: $(READY)  ## 16,000 drawn commands and calls, 200 kills, full disks, a second user, with new seeds (an hour)
-	TOPOSEAM_FUZZ=3 TOPOSEAM_FUZZ_SEED=$(SEED) TOPOSEAM_KILLS=100 TOPOSEAM_KILLS_SEED=$(SEED) $(ONE_THREAD) $(BIN)/python -m pytest \
+check-trust: $(READY)  ## 18,000 drawn commands and calls, 200 kills, full disks, a second user, with new seeds (an hour)
+	TOPOSEAM_FUZZ=8 TOPOSEAM_FUZZ_SEED=$(SEED) TOPOSEAM_KILLS=100 TOPOSEAM_KILLS_SEED=$(SEED) $(ONE_THREAD) $(BIN)/python -m pytest \
 		-n auto --dist worksteal tests/fuzz tests/cli/test_ends.py tests/cli/test_machine_fails.py tests/cli/test_rights.py \
 		tests/cli/test_second_user.py tests/cli/commands/test_hostile_stacks.py tests/cli/commands/test_loop_command.py
 

@@ -59,7 +59,7 @@ def problems(script, seed, count, folder):
 
 @pytest.mark.slow
 @pytest.mark.timeout(600 * TIMES)
-@pytest.mark.parametrize("seed", range(FIRST, FIRST + 8))
+@pytest.mark.parametrize("seed", range(FIRST, FIRST + 3))
 def test_commands(tmp_path, seed):
     found, bad = problems("commands.py", seed, 400 * TIMES, tmp_path)
     assert not bad, bad
@@ -71,7 +71,7 @@ def test_commands(tmp_path, seed):
 
 @pytest.mark.slow
 @pytest.mark.timeout(600 * TIMES)
-@pytest.mark.parametrize("seed", range(FIRST, FIRST + 4))
+@pytest.mark.parametrize("seed", range(FIRST, FIRST + 2))
 def test_functions(tmp_path, seed):
     found, bad = problems("functions.py", seed, 550 * TIMES, tmp_path)
     assert not bad, bad

@@ -269,7 +269,7 @@ def _cores_of(
             return None
     cover = dense(covered[index])
     piece, count = (cover.astype(np.int32), 1) if whole else pieces_of(cover)
-    size = np.bincount(piece.ravel(), minlength=count + 1)
+    size = np.bincount(piece.ravel())
     if core is None:
         inside = _inside_another(index, places, covered, place, piece, size)
     else:
@@ -282,11 +282,11 @@ def _cores_of(
     if not middle.any():
         return None
     rows, columns = box_of(middle)
-    piece, count = pieces_of(middle[rows, columns])
+    piece, _ = pieces_of(middle[rows, columns])
     numbers: npt.NDArray[np.int32] = new_map(piece.shape, 0, np.int32)
     numbers[:, :] = piece
     box = Box(rows.start, columns.start, rows.stop, columns.stop).moved(*place[:2])
-    return _Cores(index, box, numbers, np.bincount(piece.ravel(), minlength=count + 1))
+    return _Cores(index, box, numbers, np.bincount(piece.ravel()))
 
 
 def _occupied(cover: Mask) -> list[range]:
@@ -301,8 +301,8 @@ def _lies_in_another(
     """Whether a connected piece of some runs of a layer's columns lies inside another layer."""
     place = places[index]
     for run in runs:
-        piece, count = pieces_of(dense(covered[index][:, run.start : run.stop]))
-        size = np.bincount(piece.ravel(), minlength=count + 1)
+        piece, _ = pieces_of(dense(covered[index][:, run.start : run.stop]))
+        size = np.bincount(piece.ravel())
         box = Box(place.top, place.left + run.start, place.bottom, place.left + run.stop)
         if _inside_another(index, places, covered, box, piece, size).any():
             return True

@@ -208,20 +208,18 @@ class Choices:
 
     def divide(
         self, free: Mask, one: npt.NDArray[np.int16], other: npt.NDArray[np.int16], decide: Decide
-    ) -> bool:
+    ) -> None:
         """Decide for some pixels which of two layers each shows, the two being the same for pixels that
-        adjoin; whether that gained something.
+        adjoin, if that gains something.
         """
         edges = self.edges.some(np.flatnonzero(free[self.edges.p] | free[self.edges.q]))
         if not len(edges.p):
-            return False
+            return
         shows, before = self.shows, self.total(edges)
         one, other = (np.where(free, layer, shows) for layer in (one, other))
         piece = pieces_of(free.reshape(self.box.shape))[0].ravel()
         turned = self._move(piece, edges, one, other).turned(decide, now=shows == other)
         self.shows = one.copy()
         self.shows[turned] = other[turned]
-        if self.total(edges) < before * (1 - LEAST_GAIN):
-            return True
-        self.shows = shows
-        return False
+        if self.total(edges) >= before * (1 - LEAST_GAIN):
+            self.shows = shows

@@ -346,6 +346,16 @@ def test_options_may_come_as_one_value():
     np.testing.assert_array_equal(given.image, plain.image)
 
 
+def test_options_are_named_and_do_not_change():
+    one, other = (ts.layers.StitchOptions(weight=np.full((2, 3), value)) for value in (1.0, 2.0))
+    assert {one, other, one} == {one, other}
+    assert one != ts.layers.StitchOptions(weight=one.weight)
+    with pytest.raises(AttributeError):
+        one.blend = "feather"
+    with pytest.raises(TypeError):
+        ts.layers.StitchOptions("heat")
+
+
 @pytest.mark.parametrize("join", [ts.stitch, ts.layers.compose])
 def test_a_misspelt_option_is_refused_with_those_there_are(join):
     layers = [crop(0, 0), crop(25, 0)]

@@ -182,6 +182,22 @@ def test_between_white_and_what_is_below_it_gains_let_go_evenly():
     assert row[200] < 190
 
 
+def test_an_empty_border_changes_neither_gains_nor_fields():
+    rng = np.random.default_rng(6)
+    scene, fall = rng.uniform(0.1, 0.5, (40, 74)), np.linspace(1, 0.8, 44)
+    small, wide = [], []
+    for x, gain in ((0, 1.2), (30, 0.9)):
+        image, border = rendered(scene[:, x : x + 44] * fall * gain), ((3, 9), (12, 5))
+        small.append(ts.Layer(image, at=(x, 0)))
+        mask = np.pad(np.ones(image.shape, bool), border)
+        wide.append(ts.Layer(np.pad(image, border, constant_values=90), at=(x - 12, -3), mask=mask))
+    for shading in (False, True):
+        plain = ts.layers.match_tones(small, shading=shading)
+        for layer, other in zip(plain, ts.layers.match_tones(wide, shading=shading), strict=True):
+            np.testing.assert_array_equal(other.image[3:43, 12:56], layer.image)
+    assert (plain[0].image[:, 30:] != small[0].image[:, 30:]).any()
+
+
 def test_a_gain_is_never_larger_than_the_limit():
     dark, light = flat(12, 0), flat(246, 15)
     found = gains([dark, light])

@@ -1,5 +1,6 @@
 """What is allowed where, what a move costs, and what a reduced problem says."""
 
+import dataclasses
 import math
 import pickle
 
@@ -10,7 +11,7 @@ from skimage import data
 import toposeam as ts
 from toposeam.layers.canvas import Box, extent_of
 from toposeam.layers.canvas import tile_map as maps
-from toposeam.layers.labelling import Labelling, TableCost, exclusive_covers, pair_cost, pose_labelling
+from toposeam.layers.labelling import Labelling, TableCost, exclusive_covers, meets, pair_cost, pose_labelling
 from toposeam.layers.search import SearchOptions
 from toposeam.layers.search import cost_coarsening as reduction
 from toposeam.layers.search.local_search import beside_seams
@@ -50,6 +51,67 @@ def may_show(layers, x, y, **options):
     labelling = posed(layers, **options)
     box = Box(y, x, y + 1, x + 1)
     return {layer.name for k, layer in enumerate(layers) if labelling.allowed_in(k, box).any()}
+
+
+def three_with_holes(keep=None):
+    """Three layers none of which lies in others, and where each of them has pixels on the canvas."""
+    rng, layers, covers = np.random.default_rng(6), [], []
+    for k, (at, (height, width)) in enumerate((((-2, 1), (13, 17)), ((6, -3), (14, 15)), ((3, 7), (11, 22)))):
+        alpha = np.where(rng.random((height, width)) < 0.08, 0.0, 1.0)
+        kept = None if keep is None else keep[k][: height * width].reshape(height, width)
+        layers.append(ts.Layer(rng.random((height, width)), at=at, alpha=alpha, keep=kept, name=str(k)))
+        covers.append(np.zeros((21, 27), bool))
+        covers[k][at[1] + 3 : at[1] + 3 + height, at[0] + 2 : at[0] + 2 + width] = alpha > 0
+    return layers, np.array(covers)
+
+
+def test_layers_show_at_their_ends_only_where_all_end():
+    layers, covers = three_with_holes()
+    ground, away = np.pad(covers.any(axis=0), 1), covers.copy()
+    for k, y, x in np.argwhere(covers):
+        beside = ((y + 1, x), (y - 1, x), (y, x + 1), (y, x - 1))
+        around = np.pad(covers[k], 1)
+        away[k, y, x] = not any(ground[v + 1, u + 1] and not around[v + 1, u + 1] for v, u in beside)
+    expected = np.where(away.any(axis=0), away, covers)
+    labelling = posed(layers)
+    found = np.array([labelling.allowed_in(k, labelling.canvas) for k in range(3)])
+    np.testing.assert_array_equal(found, expected)
+    assert (covers & ~away & expected).any()
+    assert set(labelling.costs) == {(0, 1), (0, 2), (1, 2)}
+    for k, (i, j) in enumerate(((0, 1), (0, 2), (1, 2))):
+        own = labelling.costs[i, j].shared(labelling.canvas)
+        np.testing.assert_array_equal(own, covers[i] & covers[j], err_msg=str(k))
+        assert meets(labelling.places, [layer.covered for layer in layers], i, j)
+
+
+def test_what_a_layer_keeps_no_other_one_may_show():
+    keep = np.random.default_rng(7).random((3, 300)) < 0.25
+    layers, covers = three_with_holes(keep)
+    canvas = extent_of(layers)
+    kept = np.zeros(covers.shape, bool)
+    for k, layer in enumerate(layers):
+        kept[k][canvas.place(layer).slices] = layer.keep
+        kept[k] &= covers[k] & ~kept[:k].any(axis=0)
+        layers[k] = dataclasses.replace(layer, keep=kept[k][canvas.place(layer).slices])
+    places = [canvas.place(layer) for layer in layers]
+    for k, found in enumerate(exclusive_covers(layers, places, canvas)):
+        others = np.delete(kept, k, 0).any(axis=0)
+        np.testing.assert_array_equal(found, (covers[k] & ~others)[places[k].slices])
+    both = dataclasses.replace(layers[2], keep=layers[2].covered)
+    count = np.count_nonzero((kept[0] | kept[1]) & covers[2])
+    with pytest.raises(ts.OptionError, match=f"1 and 2 are both to be kept at {count} pixels"):
+        exclusive_covers([*layers[:2], both], places, canvas)
+
+
+@pytest.mark.parametrize("gap", [-1, 0, 1])
+def test_layers_meet_where_they_share_a_pixel(gap):
+    alpha = np.ones((9, 12))
+    alpha[:, 11], alpha[0, 11] = 0, 1  # one pixel of its last column
+    first, second = flat((9, 12), (0, 0), alpha=alpha), flat((5, 7), (11 + gap, -4))
+    canvas = extent_of([first, second])
+    places, covers = [canvas.place(first), canvas.place(second)], [first.covered, second.covered]
+    assert meets(places, covers, 0, 1) == (gap <= 0)
+    assert set(posed([first, second]).costs) == ({(0, 1)} if gap <= 0 else set())
 
 
 def test_of_equal_cores_the_later_layer_s_counts():

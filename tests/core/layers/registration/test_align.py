@@ -66,6 +66,38 @@ def test_a_pair_that_fits_beyond_the_radius_only_tells_nothing(monkeypatch, shif
     assert align._match((*pair, 9))[0].tolist() == [shift[1], shift[0]]
 
 
+def meeting(height, width, at=(0, 0)):
+    """Two pictures that share the last pixels of the first one, the second one put beside its place."""
+    scene = np.random.default_rng(1).random((90, 110))
+    first, second = scene[:40, :50], scene[40 - height : 90, 50 - width :]
+    return ts.Layer(first), ts.Layer(second, at=(50 - width + at[0], 40 - height + at[1]))
+
+
+def test_parts_that_are_too_small_tell_nothing():
+    """Two pixels from the border of what is shared are left for the search."""
+    assert ts.layers.align(meeting(12, 12), radius=4).layers[1].at == (38, 28)
+    assert ts.layers.align(meeting(20, 26, (2, -3)), radius=4).layers[1].at == (24, 20)
+    with pytest.raises(ts.OverlapError, match="cannot be aligned"):
+        ts.layers.align(meeting(11, 13), radius=4)
+    assert ts.layers.correlations(meeting(8, 8)) == {(0, 1): pytest.approx(1)}
+    assert ts.layers.correlations(meeting(7, 9)) == {}
+
+
+def test_correlations_are_those_of_what_both_show():
+    """Without slow changes, whatever the exposure is; a negative says -1, and noise lies between."""
+    rng = np.random.default_rng(3)
+    noise = rng.standard_normal((2, 60, 90))
+    first, second = 0.5 + 0.02 * noise[0], 0.4 + 0.03 * (0.6 * noise[0] + 0.8 * noise[1])
+    alpha = np.ones((60, 90))
+    alpha[:, :50], second[:, :50] = 0, rng.random((60, 50))  # where it shows nothing
+    layers = ts.Layer(first), ts.Layer(second, alpha=alpha), ts.Layer(1 - first, at=(0, 900))
+    assert ts.layers.correlations(layers) == {(0, 1): pytest.approx(0.6, abs=0.03)}
+    negative = ts.Layer(1 - 0.3 * first)
+    assert ts.layers.correlations([layers[0], negative]) == {(0, 1): pytest.approx(-1)}
+    plain = [ts.Layer(np.full((60, 90), value)) for value in (0.2, 0.9)]
+    assert ts.layers.correlations([layers[0], *plain]) == {(0, 1): 0, (0, 2): 0}
+
+
 def test_what_agrees_with_nothing_is_refused():
     layers, _ = crops()
     stranger = ts.Layer(image=data.coffee()[:220, :240].copy(), at=(200, 150), name="stranger")

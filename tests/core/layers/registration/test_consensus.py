@@ -19,29 +19,31 @@ PLACES = [(column * STEP[0], row * STEP[1]) for row in range(3) for column in ra
 TURNS = np.radians([0, 0.4, -0.3, 0.2, 0.5, 0, -0.5, 0.1, 0.3, -0.2, 0, 0.4])
 NAMES = [f"p{index}" for index in range(12)]
 SIZES = np.full((12, 2), (HEIGHT, WIDTH))
+#: Pairs of the grid that match elsewhere, and by how much.
+WRONG = {(1, 5): (-20, 120), (5, 9): (95, 75), (2, 6): (-140, 60)}
 
 
-def seen(index, points):
+def seen(index, points, turns=TURNS):
     """Points of the scene as a picture shows them."""
-    moved = (points - np.array(PLACES[index])) @ [1, 1j] * np.exp(-1j * TURNS[index])
+    moved = (points - np.array(PLACES[index])) @ [1, 1j] * np.exp(-1j * turns[index])
     return np.stack([moved.real, moved.imag], axis=1)
 
 
-def match(i, j, rng, patches=12, elsewhere=(0, 0)):
+def match(i, j, rng, patches=12, elsewhere=(0, 0), turns=TURNS):
     """Patches of the overlap of two pictures, or that the second one shows as far off as that."""
     low, high = np.maximum(PLACES[i], PLACES[j]), np.minimum(PLACES[i], PLACES[j]) + np.array([WIDTH, HEIGHT])
     points = rng.uniform(low, np.maximum(high, low + 60), (patches, 2))
-    second = seen(j, points + np.array(elsewhere)) + rng.normal(0, 0.1, (patches, 2))
-    return Match(seen(i, points), second, 0.9)
+    second = seen(j, points + np.array(elsewhere), turns) + rng.normal(0, 0.1, (patches, 2))
+    return Match(seen(i, points, turns), second, 0.9)
 
 
-def grid(rng):
+def grid(rng, turns=TURNS):
     """Neighbours of the grid, right, below and across."""
     found = {}
     for i in range(12):
         for j in range(i + 1, 12):
             if abs(i % 4 - j % 4) <= 1 and abs(i // 4 - j // 4) <= 1:
-                found[i, j] = match(i, j, rng)
+                found[i, j] = match(i, j, rng, turns=turns)
     return found
 
 
@@ -58,6 +60,41 @@ def test_pairs_that_match_elsewhere_are_outvoted(seed):
     solution, used = without_contradictions(NAMES, SIZES, dict(sorted({**right, **wrong}.items())))
     assert set(used) == set(right) - set(wrong)
     assert off(solution) < 0.5
+
+
+@pytest.mark.parametrize("most", [1, 60])
+def test_wrong_pairs_among_pictures_that_are_turned_are_outvoted(most):
+    """Two of them in a column, far off in one direction and in another."""
+    rng = np.random.default_rng(0)
+    turns = np.radians(most) * np.array([0, *rng.uniform(-1, 1, 11)])
+    matches = grid(rng, turns)
+    for pair, elsewhere in WRONG.items():
+        matches[pair] = match(*pair, rng, elsewhere=elsewhere, turns=turns)
+    solution, used = without_contradictions(NAMES, SIZES, matches)
+    assert set(used) == set(matches) - set(WRONG)
+    assert off(solution) < 0.5
+    np.testing.assert_allclose(solution.transforms[:, :2] @ [1, 1j], np.exp(1j * turns), atol=0.005)
+
+
+@pytest.mark.parametrize(("features", "clear"), [(11, True), (13, False)])
+@pytest.mark.parametrize("order", [(0, 1, 2, 3), (3, 1, 2, 0), (0, 2, 1, 3)])
+def test_a_wrong_pair_is_outvoted_by_three_times_its_evidence(features, clear, order):
+    """The first and the last picture, by 20 + 16 features through the two others, between which 10 pass."""
+    rng, shown = np.random.default_rng(5), np.array([0, 1, 4, 5])
+    matches = {}
+    for one, other, number in ((0, 1, 20), (0, 2, 16), (1, 2, 50), (1, 3, 10), (2, 3, 40), (0, 3, features)):
+        i, j = sorted((order.index(one), order.index(other)))
+        elsewhere = (70, 20) if number == features else (0, 0)
+        own = match(*shown[[order[i], order[j]]], rng, elsewhere=elsewhere)
+        matches[i, j] = dataclasses.replace(own, correlation=math.nan, share=0.9, features=number)
+    names = [NAMES[k] for k in range(4)]
+    if clear:
+        _, used = without_contradictions(names, SIZES[:4], dict(sorted(matches.items())))
+        wrong = tuple(sorted((order.index(0), order.index(3))))
+        assert set(used) == set(matches) - {wrong}
+    else:
+        with pytest.raises(ts.OverlapError, match="too little else shows which is right"):
+            without_contradictions(names, SIZES[:4], dict(sorted(matches.items())))
 
 
 def test_given_points_outvote_what_matches_elsewhere():

@@ -137,6 +137,83 @@ def test_dividing_all_seams_together_gains_as_much_as_singly():
     assert not (changed.ravel() & ~free).any()
 
 
+@pytest.mark.parametrize("seed", range(2))
+def test_pixels_of_two_layers_beside_no_others_are_divided(seed):
+    labelling = four()
+    box, rng = Box(3, 20, 71, 85), np.random.default_rng(seed)
+    label_map = with_spots(labelling, seed)[box.slices]
+    label_map[rng.random(label_map.shape) < 0.01] = -1
+    allowed = [labelling.allowed_in(k, box) for k in range(4)]
+    labels = [square_dilation(label_map == k, 2) & mask for k, mask in enumerate(allowed)]
+    choices = Choices(labelling, box, label_map, allowed, range(4))
+    found = choices.divide_all(by_flow, labels).reshape(box.shape)
+    may = np.array(labels)
+    two = (may.sum(axis=0) == 2) & (label_map >= 0)
+    expected = two.copy()
+    for y, x in np.argwhere(two):
+        for beside in ((y + 1, x), (y - 1, x), (y, x + 1), (y, x - 1)):
+            if two[max(0, min(beside[0], len(two) - 1)), max(0, min(beside[1], two.shape[1] - 1))]:
+                there = may[:, max(0, min(beside[0], len(two) - 1)), max(0, min(beside[1], two.shape[1] - 1))]
+                expected[y, x] &= (there == may[:, y, x]).all()
+    np.testing.assert_array_equal(found, expected)
+    assert two[~expected].any()
+    changed = choices.label_map() != label_map
+    assert changed.any()
+    assert not changed[~expected].any()
+
+
+def test_a_part_with_some_of_the_layers_costs_what_it_does_whole():
+    labelling = four()
+    box, layers = Box(9, 32, 41, 88), [1, 3]
+    label_map = labelling.on_top()[box.slices]
+    label_map[~np.isin(label_map, layers)] = -1
+    allowed = [labelling.allowed_in(k, box) & (label_map >= 0) for k in layers]
+    choices = Choices(labelling, box, label_map, allowed, layers)
+    whole = np.full(labelling.canvas.shape, -1, np.int16)
+
+    def both():
+        whole[box.slices] = choices.label_map()
+        return choices.total(), labelling.total(whole, labelling.canvas)
+
+    np.testing.assert_array_equal(choices.label_map(), label_map)
+    rng, before = np.random.default_rng(0), both()
+    for _ in range(3):
+        turned = choices.several & (rng.random(len(choices.shows)) < 0.5)
+        choices.shows[turned] = rng.integers(2, size=turned.sum())
+        after = both()
+        assert after[0] - before[0] == pytest.approx(after[1] - before[1], rel=1e-5)
+    for k in (0, 1):
+        choices.expand(k, by_flow)
+    assert both()[1] < after[1]
+
+
+def test_rounds_are_made_until_none_gains():
+    labelling = four()
+    first, again = (choices_of(labelling, with_spots(labelling, 3)) for _ in range(2))
+    rounds = first.run(by_flow, 100)
+    assert 2 <= rounds < 100
+    assert again.run(by_flow, rounds) == rounds
+    np.testing.assert_array_equal(first.shows, again.shows)
+    assert first.run(by_flow, 100) == 1
+    assert first.run(by_flow, 0) == 0
+
+
+def test_only_pixels_within_a_mask_expand():
+    labelling = four()
+    choices = choices_of(labelling, with_spots(labelling, 5))
+    shows, before = choices.shows.copy(), choices.total()
+    within = np.zeros(labelling.canvas.shape, bool)
+    within[10:50, 22:61] = True
+    choices.run(by_flow, 100, [2, 0, 3, 1], within.ravel())
+    changed = choices.shows != shows
+    assert changed.any()
+    assert not changed[~within.ravel()].any()
+    assert choices.total() < before
+    ended = choices.total()
+    choices.run(by_flow, 100)
+    assert choices.total() < ended
+
+
 def test_more_would_turn_the_more_the_present_seams_cost():
     labelling = four()
     choices = choices_of(labelling, labelling.on_top())

@@ -228,6 +228,15 @@ def test_seams_say_which_layers_they_divide():
         assert 0 <= seam.soft.min() <= seam.soft.max() <= 1
 
 
+def test_seams_of_many_record_the_options_of_their_method():
+    by_heat = ts.stitch(three(), method="heat", tolerance=0.25, max_iterations=77, max_rounds=0)
+    for seam in by_heat.seams:
+        assert (seam.settings["tolerance"], seam.settings["max_iterations"]) == (0.25, 77)
+    for method in ("auto", "graph-cut"):
+        for seam in ts.stitch(three(), method=method, max_rounds=0).seams:
+            assert "tolerance" not in seam.settings
+
+
 def test_svg_names_the_pairs():
     layers = pile(5, alike=True)
     stitched = ts.stitch(layers)

@@ -4,8 +4,8 @@ from skimage import data
 
 import toposeam as ts
 from toposeam.layers.canvas import Box, TileMap
-from toposeam.layers.labelling import Labelling, exclusive_covers, pose_labelling
-from toposeam.layers.search import band_of, write_pixels
+from toposeam.layers.labelling import Labelling, TableCost, exclusive_covers, pose_labelling
+from toposeam.layers.search import band_of, costs_at, write_pixels
 from toposeam.layers.search.two_label_band import Division, divided
 from toposeam.seam.cut_solver import CutSolver
 from toposeam.seam.heat import HeatOptions
@@ -93,6 +93,35 @@ def test_what_only_one_side_pulls_at_goes_to_it():
 def test_where_nothing_is_open_there_is_no_band(started):
     labelling, label_map, near = started
     assert band_of(labelling, label_map, (0, 1), np.zeros_like(near)) is None
+
+
+@pytest.mark.parametrize("pair", [(0, 1), (0, 2), (1, 2)])
+def test_a_band_is_all_that_is_open_and_may_show_either(started, pair):
+    labelling, label_map, near = started
+    for opened in (near, None):
+        expected = np.isin(label_map, pair) & (True if opened is None else opened)
+        for k in pair:
+            expected &= labelling.allowed_in(k, labelling.canvas)
+        band = band_of(labelling, label_map, pair, opened)
+        assert 500 < len(band.rows) < np.isin(label_map, pair).sum()
+        np.testing.assert_array_equal(np.stack([band.rows, band.columns]), np.nonzero(expected))
+        np.testing.assert_array_equal(band.second, label_map[expected] == pair[1])
+
+
+def test_costs_are_looked_up_to_the_right_and_below():
+    """In an overlap of several tiles that begins within a box, and ends beyond it."""
+    rng = np.random.default_rng(4)
+    place, box = Box(5, 3, 12, 410), Box(2, 1, 10, 409)
+    right, down = rng.random((7, 406), np.float32), rng.random((6, 407), np.float32)
+    first, axis = rng.integers(7 * 408, size=900), rng.integers(2, size=900)
+    first = first[first % 408 < 407][:800]
+    found = costs_at(TableCost(place, right, down), box, first, axis[:800])
+    for at, along, value in zip(first, axis, found, strict=False):
+        y, x = at // 408 + box.top - place.top, at % 408 + box.left - place.left
+        table = (down, right)[along]
+        known = y >= 0 and x >= 0 and y < table.shape[0] and x < table.shape[1]
+        assert value == (table[y, x] if known else 0)
+    assert (found > 0).sum() > 300
 
 
 def test_pixels_are_written_to_maps_of_tiles_as_to_arrays():

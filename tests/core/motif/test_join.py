@@ -185,6 +185,7 @@ def test_random_neighbours_keep_within_reach():
 
 
 def test_one_motif_alone_lies_everywhere():
+    assert ts.motif.random_arrangement((1, 1), 1).tolist() == [[0]]
     for reach in (None, 1):
         assert ts.motif.random_arrangement((2, 3), 1, reach=reach).tolist() == [[0, 0, 0], [0, 0, 0]]
 

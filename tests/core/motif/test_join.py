@@ -184,6 +184,60 @@ def test_random_neighbours_keep_within_reach():
     assert np.array_equal(grid, ts.motif.random_arrangement((20, 30), 7, seed=1, reach=1))
 
 
+def test_one_motif_alone_lies_everywhere():
+    assert ts.motif.random_arrangement((1, 1), 1).tolist() == [[0]]
+    for reach in (None, 1):
+        assert ts.motif.random_arrangement((2, 3), 1, reach=reach).tolist() == [[0, 0, 0], [0, 0, 0]]
+
+
+def test_without_a_reach_every_motif_lies_beside_every_other():
+    grid = ts.motif.random_arrangement((30, 31), 3, seed=2)
+    beside = {*zip(grid[:, :-1].flat, grid[:, 1:].flat, strict=True)}
+    below = {*zip(grid[:-1].flat, grid[1:].flat, strict=True)}
+    assert beside == below == {(one, other) for one in range(3) for other in range(3)}
+    assert np.bincount(grid.flat) == pytest.approx(np.full(3, 310), abs=60)
+    assert not np.array_equal(grid, ts.motif.random_arrangement((30, 31), 3, seed=3))
+
+
+@pytest.mark.parametrize(
+    ("counts", "motifs", "options", "text"),
+    [
+        ((2, 3), 0, {}, "motifs"),
+        ((2, 3), 2**62 + 1, {}, "motifs"),
+        ((0, 3), 2, {}, "counts"),
+        ((2, 3), 2, {"reach": 0}, "reach"),
+        ((1001, 1000), 2, {}, "1000000"),
+    ],
+)
+def test_arrangements_nobody_can_draw_are_refused(counts, motifs, options, text):
+    with pytest.raises(ts.OptionError, match=text):
+        ts.motif.random_arrangement(counts, motifs, **options)
+
+
+def test_only_motifs_that_were_joined_are_arranged():
+    one = ts.generate_motif(16, seed=1, repeat="translate", palette="sea", iterations=1, layers=1)
+    large = ts.generate_motif(18, seed=1, repeat="translate", palette="sea", iterations=1, layers=1)
+    red = dataclasses.replace(one, inks=one.inks[:, ::-1])
+    for motifs, grid, kind in (
+        ([], [[0]], "count"),
+        ([one, large], [[0]], "unlike"),
+        ([one, red], [[0]], "unlike"),
+        ([one], [[0, -1]], "choice"),
+        ([one], [[0, 1]], "choice"),
+        ([one], [0, 0, 0], "shape"),
+        ([one], np.zeros((1, 0), int), "shape"),
+        ([one], (2**15, 2**15), "too large"),
+        ([one], np.zeros((2000, 2000), int), "too large"),
+    ):
+        with pytest.raises(ts.OptionError) as raised:
+            ts.motif.arrange(motifs, grid)
+        assert raised.value.kind == kind
+    laid = ts.motif.arrange([one], [[0, 0, 0]])
+    assert laid.densities.shape == (1, 16, 48)
+    assert (laid.repeat, laid.names, laid.edges) == ("translate", one.names, one.edges)
+    np.testing.assert_array_equal(laid.densities, np.tile(one.densities, (1, 1, 3)))
+
+
 def test_what_cannot_be_joined_is_refused_in_one_sentence():
     one, two = _recipes()
     other = ts.motif.random_recipe(SIZE, layers=1, seed=2, repeat="translate", palette="plum", iterations=24)

@@ -6,11 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
 import toposeam as ts
-from toposeam.motif.optimise import layer, optimise_layer, plan, problem_at
+from toposeam.motif.optimise import layer, optimise_layer, plan, problem_at, tile_size, to_tile
 from toposeam.motif.optimise.layer import finer_temperature
 from toposeam.motif.recipe import pack_base, unpack_base
+from toposeam.motif.symmetry import symmetry
 from toposeam.motif.symmetry.mirrors import mirrors
 
 EXACT = {"tolerance": 1e-12, "max_iterations": 300}
@@ -202,3 +204,112 @@ def test_a_finer_plate_starts_from_interpolated_temperatures():
 def test_coarser_plates_are_used_from_a_filter_of_2_5_elements(radius, plates):
     recipe = replace(ts.motif.random_recipe(100, layers=1, seed=1), filter_radius=radius)
     assert len(plan(recipe)) == plates
+
+
+def in_cells(side):
+    """Where the nodes of a hexagonal lattice lie, in cells, and the shifts to all copies near them."""
+    v, u = np.mgrid[:side, :side] / side
+    first, second = np.array([1.0, 0.0]), np.array([-0.5, np.sqrt(0.75)])
+    shifts = [i * first + j * second for i in range(-2, 3) for j in range(-2, 3)]
+    return u[..., np.newaxis] * first + v[..., np.newaxis] * second, shifts
+
+
+@pytest.mark.parametrize("repeat", ["p3", "p3m1", "p6m"])
+def test_hexagonal_sources_and_sinks_are_discs_on_paper(repeat):
+    side = 100
+    sources, sinks = [(0.31, 0.87, 0.5), (0.62, 0.4, 2.0)], [(0.0, 0.0, 0.7)]
+    recipe = _recipe(side, repeat=repeat, sources=sources, sinks=sinks, ambient=0.25)
+    plate = problem_at(recipe.layers[0], recipe, (side, side)).plate
+    place, shifts = in_cells(side)
+
+    def discs(points):
+        total = np.zeros((side, side))
+        for x, y, strength in points:
+            at = np.array([x - y / 2, y * np.sqrt(0.75)])
+            away = np.min([np.linalg.norm(place - at - shift, axis=-1) for shift in shifts], axis=0)
+            disc = np.clip(1.2 + 0.5 - away * side, 0, 1)  # a radius of 0.012 cells, and edges of one element
+            total += strength * disc / disc.sum()
+        return symmetry(repeat, (side, side)).mean(total / sum(strength for *_, strength in points))
+
+    np.testing.assert_allclose(plate.heat, 0.75 * discs(sources) + 0.25 / side**2, atol=1e-12)
+    np.testing.assert_allclose(plate.convection, 4 * discs(sinks), atol=1e-12)
+
+
+@pytest.mark.parametrize("shape", [(7, 5), (3, 8)])
+def test_hexagonal_base_images_stand_upright_on_lattice_points(shape):
+    side, (rows, columns) = 25, shape
+    y, x = np.mgrid[:rows, :columns]
+    image = 0.1 + 0.8 * np.sin(1 + x / 3 + y**2 / 17) ** 2
+    recipe = _recipe(side, repeat="p3", base=image, base_law="brightness", base_strength=1.0)
+    nominal = problem_at(recipe.layers[0], recipe, (side, side)).nominal
+    place, shifts = in_cells(side)
+    away = np.stack([place + shift for shift in shifts])
+    distance = np.linalg.norm(away, axis=-1)
+    nearest = np.take_along_axis(away, distance.argmin(axis=0)[np.newaxis, ..., np.newaxis], axis=0)[0]
+    where = nearest * max(shape) + [columns / 2, rows / 2]
+    shown = ndimage.map_coordinates(image, [where[..., 1], where[..., 0]], order=1, mode="nearest")
+    mean = symmetry("p3", (side, side)).mean
+
+    def at_triangles(nodes):
+        right, below, opposite = (
+            np.roll(nodes, -1, 1),
+            np.roll(nodes, -1, 0),
+            np.roll(nodes, (-1, -1), (0, 1)),
+        )
+        return np.stack([(nodes + right + opposite) / 3, (nodes + below + opposite) / 3])
+
+    midway = np.sort(distance, axis=0)[1] - distance.min(axis=0) < 1e-9  # between two lattice points
+    clear = at_triangles(mean(midway.astype(float))) == 0
+    assert clear.mean() > 0.7
+    np.testing.assert_allclose(nominal[clear], at_triangles(mean(shown))[clear], atol=0.01)
+
+
+def test_nodes_are_pixels_of_a_tile_twice_as_large():
+    side = 9
+    lattice = symmetry("p31m", (side, side)).mean(0.1 + 0.8 * np.random.default_rng(0).random((side, side)))
+    printed = to_tile(lattice, "p31m", (2 * side, 2 * side))
+    v, u = np.mgrid[: 2 * side, :side]
+    np.testing.assert_allclose(printed[v, (2 * u - v) % (2 * side)], lattice[v % side, u], atol=1e-6)
+    assert tile_size(100) == (173, 100)
+
+
+def test_tiles_are_the_wave_that_the_lattice_has():
+    """Three waves at 120° on each other, which turn into each other."""
+    side = 24
+    place, _ = in_cells(side)
+
+    def wave(x, y):
+        # Of the lattice's own length, across lattice rows.
+        phases = [
+            4 * np.pi / np.sqrt(3) * (x * np.sin(a) + y * np.cos(a)) for a in np.pi * np.arange(3) * 2 / 3
+        ]
+        return 0.4 + 0.1 * sum(np.cos(phase) for phase in phases)
+
+    for size in ((83, 48), (70, 90)):
+        # A node lies a quarter of an element from the corner of the tile.
+        y, x = np.ogrid[: size[0], : size[1]]
+        x = (x + 0.5) / size[1] - 0.25 / side
+        y = ((y + 0.5) / size[0] - 0.25 / side) * np.sqrt(3)
+        printed = to_tile(wave(place[..., 0], place[..., 1]), "p6m", size)
+        np.testing.assert_allclose(printed, wave(x, y), atol=2e-3)
+
+
+def test_small_tiles_average_what_a_pixel_covers():
+    noise = symmetry("p3", (96, 96)).mean(np.random.default_rng(0).random((96, 96)))
+    fine, small = (to_tile(noise, "p3", (rows, rows * 4 // 7)) for rows in (168, 28))
+    assert small.mean() == pytest.approx(noise.mean(), abs=5e-3)
+    assert small.std() < 0.3 * fine.std()
+
+
+def test_a_finer_lattice_goes_through_the_nodes():
+    recipe = _recipe(16, repeat="p6")
+    problem = problem_at(recipe.layers[0], recipe, (16, 16))
+    v, u = np.mgrid[:16, :16] / 16
+
+    def wave(v, u):
+        return 0.5 + 0.2 * np.cos(2 * np.pi * u) + 0.1 * np.sin(2 * np.pi * (u - v))
+
+    fine_v, fine_u = np.mgrid[:32, :32] / 32
+    fine = problem.finer(wave(v, u), (32, 32))
+    np.testing.assert_allclose(fine, wave(fine_v, fine_u), atol=1e-3)
+    np.testing.assert_allclose(fine[::2, ::2], wave(v, u), atol=1e-9)

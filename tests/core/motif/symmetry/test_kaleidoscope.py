@@ -80,7 +80,86 @@ def test_gray_pictures_stay_gray_and_bad_ones_are_refused():
 
 def test_progress_rises_to_the_end():
     shares = []
-    ts.motif.kaleidoscope(np.zeros((8, 8)), "p4m", (600, 600), progress=shares.append)
-    assert shares == sorted(shares)
+    ts.motif.kaleidoscope(np.zeros((8, 8)), "p1", (450, 500), progress=shares.append)
     assert len(shares) > 1
+    assert np.all(np.diff([0.0, *shares]) > 0)
     assert shares[-1] == 1
+
+
+TURNS = {"p3": 3, "p31m": 3, "p3m1": 3, "p6": 6, "p6m": 6}
+#: What a group mirrors, across (x, y).
+FLIPS = {"p31m": (1, -1), "p3m1": (-1, 1), "p6m": (1, -1)}
+
+
+def shown_of_ramps(columns, repeat, feather):
+    """A hexagonal cell of a picture whose value at (x, y) px from the domain's centre is (x, y), by turns and
+    flips in px instead of lattice coordinates.
+    """
+    first, second = np.array([columns, 0.0]), columns * np.array([-0.5, np.sqrt(0.75)])
+    rows = round(columns * np.sqrt(3))
+    y, x = np.mgrid[:rows, :columns] + 0.5
+    place = np.stack([x, y], axis=-1)
+    copies = []
+    for k in range(TURNS[repeat]):
+        cos, sin = np.cos(2 * np.pi * k / TURNS[repeat]), np.sin(2 * np.pi * k / TURNS[repeat])
+        for flip in {(1, 1), FLIPS.get(repeat, (1, 1))}:
+            turned = place * flip @ np.array([[cos, sin], [-sin, cos]])
+            copies += [
+                turned + i * first + j * second - 0.29 * first - 0.17 * second
+                for i in range(-4, 5)
+                for j in range(-4, 5)
+            ]
+    away = np.stack(copies)
+    distance = np.linalg.norm(away, axis=-1)
+    weight = np.exp((distance.min(axis=0) - distance) / (feather * columns))
+    return (weight[..., np.newaxis] * away).sum(axis=0) / weight.sum(axis=0)[..., np.newaxis]
+
+
+@pytest.mark.parametrize("repeat", TURNS)
+def test_hexagonal_cells_are_turns_and_flips_of_the_middle(repeat):
+    columns, side = 26, 121
+    ramp = np.arange(side) / side
+    picture = np.stack(np.broadcast_arrays(ramp, ramp[:, np.newaxis], 0.5), axis=-1)
+    cell = ts.motif.kaleidoscope(picture, repeat, (2, columns), at=(50, 70))
+    expected = shown_of_ramps(columns, repeat, feather=0.01) + np.array([50 - 0.5, 70 - 0.5])
+    np.testing.assert_allclose(cell[..., :2] * side, expected, atol=0.15)
+    np.testing.assert_allclose(cell[..., 2], 0.5, atol=1e-6)
+
+
+@pytest.mark.parametrize("feather", [0.0, 0.08])
+def test_unlike_parts_mix_by_how_far_each_is_from_the_middle(feather):
+    """Shifts only, cells longer than wide, and the mixture of what lies nearly as near."""
+    rows, columns, side = 21, 33, 161
+    ramp = np.arange(side) / side
+    picture = np.stack(
+        [np.broadcast_to(ramp, (side, side)), np.broadcast_to(ramp[:, None], (side, side))], -1
+    )
+    cell = ts.motif.kaleidoscope(picture[..., [0, 1, 1]], "p1", (rows, columns), feather=feather)
+    y, x = np.mgrid[:rows, :columns] + 0.5
+    away = np.stack(
+        [
+            np.stack([x + (i - 0.29) * columns, y + (j - 0.17) * rows], axis=-1)
+            for i in range(-3, 4)
+            for j in range(-3, 4)
+        ]
+    )
+    distance = np.linalg.norm(away, axis=-1)
+    behind = distance - distance.min(axis=0)
+    weight = np.exp(-behind / (feather * rows)) if feather else (behind < 1e-9).astype(float)
+    expected = (weight[..., None] * away).sum(axis=0) / weight.sum(axis=0)[..., None] + side / 2 - 0.5
+    np.testing.assert_allclose(cell[..., :2] * side, expected, atol=0.15 if feather else 1e-3)
+
+
+def test_the_domain_may_lie_anywhere_in_the_picture():
+    picture = np.zeros((12, 20))
+    for at in ((0, 0), (20, 12), (20, 0)):
+        assert ts.motif.kaleidoscope(picture, "p1", (4, 4), at=at).shape == (4, 4)
+    for at in ((20.5, 6), (10, 12.5), (-0.5, 6), (10, -0.5)):
+        with pytest.raises(ts.OptionError, match="outside"):
+            ts.motif.kaleidoscope(picture, "p1", (4, 4), at=at)
+    for at in ((1, 2, 3), 4):
+        with pytest.raises(ts.OptionError, match="at"):
+            ts.motif.kaleidoscope(picture, "p1", (4, 4), at=at)
+    with pytest.raises(ts.OptionError, match="400"):
+        ts.motif.kaleidoscope(picture, "p1", (20_001, 20_000))
+    assert ts.motif.kaleidoscope(picture, "p1", (4, 4), feather=0.5).shape == (4, 4)

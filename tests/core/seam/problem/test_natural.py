@@ -140,6 +140,11 @@ def as_written(a, b, shared, start):
     )
 
 
+def both_ways(*given):
+    """m and W as computed, each beside what it says in words."""
+    return zip(perceived(*given), as_written(*given), strict=True)
+
+
 @pytest.mark.parametrize("start", [(0, 0), (3, 6), (-1, 1)])
 def test_what_eyes_notice_is_computed_as_written(start):
     rng = np.random.default_rng(9)
@@ -148,7 +153,7 @@ def test_what_eyes_notice_is_computed_as_written(start):
     b[:, 5:9, 8:19] += 0.5
     shared = np.ones((17, 25), bool)
     shared[:5, 19:], shared[12:, :3], shared[9, 11] = False, False, False
-    for found, wanted in zip(perceived(a, b, shared, start), as_written(a, b, shared, start), strict=True):
+    for found, wanted in both_ways(a, b, shared, start):
         np.testing.assert_allclose(found, wanted, rtol=2e-3, atol=1e-3)
 
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy import optimize
 
 from toposeam.errors import OptionError
 from toposeam.optimize.mma import MMA, MMAOptions, minimize, solve_subproblem
@@ -181,12 +183,150 @@ def test_dropping_a_resting_variable_does_not_affect_others():
         assert x[:5] == pytest.approx(expected)
 
 
+def test_a_step_is_the_minimum_of_both_approximations():
+    """Against a general optimiser that knows nothing of multipliers."""
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        x, low, high = rng.uniform(2, 3, 6), rng.uniform(0, 1, 6), rng.uniform(4, 6, 6)
+        df = rng.normal(size=6)
+        dg = rng.normal(size=6) - df  # what lowers the objective mostly breaks the constraint
+        alpha, beta = low + 0.2 * (x - low), high - 0.3 * (high - x)
+
+        def approximation(gradient, point, x=x, low=low, high=high):
+            p, q = (high - x) ** 2 * np.maximum(gradient, 0), (x - low) ** 2 * np.maximum(-gradient, 0)
+            return (p / (high - point) - p / (high - x) + q / (point - low) - q / (x - low)).sum()
+
+        found, multiplier = solve_subproblem(x, df, 0.4, dg, low, high, alpha, beta)
+        wanted = optimize.minimize(
+            lambda point, df=df, value=approximation: value(df, point),
+            x,
+            bounds=list(zip(alpha, beta, strict=True)),
+            constraints={
+                "type": "ineq",
+                "fun": lambda point, dg=dg, value=approximation: -0.4 - value(dg, point),
+            },
+            method="SLSQP",
+            options={"ftol": 1e-12, "maxiter": 300},
+        )
+        assert wanted.success
+        assert multiplier > 0
+        assert approximation(dg, found) == pytest.approx(-0.4, abs=1e-5)
+        assert approximation(dg, found) <= -0.4
+        assert found == pytest.approx(wanted.x, abs=2e-4)
+
+
+def journey(signs, **options):
+    """The steps of one variable of range 400 whose objective falls to one side or the other, or is level;
+    as no constraint binds, each goes as far as it may.
+    """
+    method = MMA(np.array([-100.0]), np.array([300.0]), MMAOptions(initial=0.05, **options))
+    x, steps = np.array([50.0]), []
+    for sign in signs:
+        new = method.step(x, np.array([float(sign)]), -1.0, np.zeros(1))
+        steps.append(float((new - x)[0]))
+        x = new
+    return steps
+
+
 @pytest.mark.parametrize(
-    "options", [{"move": 0}, {"closer": 1.2}, {"farther": 0.5}, {"nearest": 11.0}, {"margin": 1.0}]
+    ("signs", "options", "steps"),
+    [
+        # The asymptotes start 20 away, nine tenths of which may be gone.
+        ([1, 1, 1, 1], {}, [-18, -18, -21.6, -25.92]),
+        ([-1, -1, -1, -1], {}, [18, 18, 21.6, 25.92]),
+        ([1, -1, 1, -1], {}, [-18, 18, -12.6, 8.82]),
+        ([1, 0, 1, 1], {}, [-18, 0, -18, -18]),
+        ([1, -1, 1], {"nearest": 0.04}, [-18, 18, -14.4]),
+        ([-1, -1, -1], {"farthest": 0.0525}, [18, 18, 18.9]),
+        ([1, 1, 1], {"margin": 0.4, "farther": 2.0}, [-12, -12, -24]),
+        ([1, -1, -1], {"move": 0.005}, [-2, 2, 2]),
+    ],
+)
+def test_asymptotes_move_away_and_close_in(signs, options, steps):
+    assert journey(signs, **options) == pytest.approx(steps)
+
+
+def test_what_is_kept_of_the_variables_retreats_and_goes_on():
+    method = MMA(np.array([0.0, -100.0, 0.0]), np.array([1.0, 300.0, 9.0]), MMAOptions(initial=0.05))
+    x, gradient = np.array([0.5, 50.0, 5.0]), np.array([1.0, -1.0, 1.0])
+    for _ in range(2):
+        x = method.step(x, gradient, -1.0, np.zeros(3))
+    assert x == pytest.approx([0.41, 86, 4.19])
+    alive = np.array([False, True, False])
+    method.keep(alive)
+    assert method.retreat() == pytest.approx([68 + 9])
+    assert method.retreat() == pytest.approx([68 + 4.5])
+    # From there the asymptotes, 5 away now, move on by a fifth.
+    again = method.step(np.array([72.5]), gradient[alive], -1.0, np.zeros(1))
+    assert again == pytest.approx([72.5 + 5.4])
+
+
+def test_who_has_not_stepped_cannot_retreat():
+    with pytest.raises(RuntimeError, match="none was made"):
+        MMA(np.zeros(1), np.ones(1)).retreat()
+
+
+def test_evaluations_are_counted_and_bounded():
+    asked = []
+
+    def slope(x):
+        asked.append(x)
+        return x.sum(), np.ones(2), -1.0, np.zeros(2)
+
+    stopped = minimize(
+        slope, np.full(2, 0.9), np.zeros(2), np.ones(2), MMAOptions(move=0.1), max_iterations=4
+    )
+    assert (stopped.iterations, len(asked), stopped.converged) == (4, 4, False)
+    assert stopped.x == pytest.approx([0.6, 0.6])
+    assert stopped.objective == pytest.approx(1.2)
+    assert stopped.constraint == -1.0
+    arrived = minimize(slope, np.zeros(2), np.zeros(2), np.ones(2))
+    assert (arrived.iterations, arrived.converged) == (2, True)
+
+
+def test_changes_are_measured_by_each_variable_s_range():
+    def slope(x):
+        return x.sum(), np.ones(2), -1.0, np.zeros(2)
+
+    for tolerance, converged in ((0.051, True), (0.049, False)):
+        found = minimize(
+            slope,
+            np.array([0.9, 90.0]),
+            np.zeros(2),
+            np.array([1.0, 100.0]),
+            MMAOptions(move=0.05),
+            max_iterations=2,
+            tolerance=tolerance,
+        )
+        assert found.x == pytest.approx([0.85, 85.0])
+        assert found.converged is converged
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"move": 0},
+        {"initial": 0},
+        {"closer": 0},
+        {"closer": 1.2},
+        {"farther": 0.5},
+        {"nearest": 0},
+        {"nearest": 11.0},
+        {"farthest": 0, "nearest": 0},
+        {"margin": 0},
+        {"margin": 1.0},
+    ],
 )
 def test_options_out_of_range_are_refused(options):
     with pytest.raises(OptionError):
         MMAOptions(**options)
+
+
+@pytest.mark.parametrize(
+    "options", [{"closer": 1.0}, {"farther": 1.0}, {"nearest": 10.0}, {"farthest": 0.01}, {"margin": 0.99}]
+)
+def test_options_at_their_bounds_are_taken(options):
+    assert MMAOptions(**options)
 
 
 @pytest.mark.parametrize("exponent", [-200, 0, 200])
@@ -197,8 +337,37 @@ def test_multipliers_are_found_over_many_orders_of_magnitude(exponent):
     assert root - found <= 0
 
 
-def test_an_infeasible_residual_gives_the_largest_multiplier():
-    assert find_multiplier(lambda y: 1.0, 1.0, 1e-9) > 1e20
+@pytest.mark.parametrize(
+    "residual",
+    [
+        lambda y: 1 / y**3 - 5,
+        lambda y: 40 - y**0.2,
+        lambda y: math.exp(-y) - 1e-3,
+        lambda y: math.atan(3 - y) * 1e4,
+        lambda y: 1 - y if y < 7 else -6 - 50 * (y - 7),
+    ],
+)
+@pytest.mark.parametrize("guess", [0.01, 1.0, 1e3])
+def test_a_multiplier_is_feasible_and_near_the_root(residual, guess):
+    asked = []
+
+    def counted(y):
+        asked.append(y)
+        return residual(y)
+
+    assert -1e-6 <= residual(find_multiplier(counted, guess, 1e-6)) <= 0
+    assert len(asked) < 40
+
+
+def test_multipliers_are_looked_for_as_far_as_the_reach():
+    assert 1e25 < find_multiplier(lambda y: 1.0, 1.0, 1e-9) < 1e27
+    assert 1e-27 < find_multiplier(lambda y: -1.0, 1.0, 1e-9) < 1e-25
+    # What they are multiplied with stays finite, wherever they are looked for.
+    for guess in (1e-300, 1e-125, 1e125, 1e300):
+        start = min(max(math.log(guess), -300), 300)
+        for value, end in ((1.0, min(300, start + 60)), (-1.0, max(-300, start - 60))):
+            found = find_multiplier(lambda y, value=value: value, guess, 1e-9)
+            assert math.log(found) == pytest.approx(end)
 
 
 def test_the_reference_implementation_finds_the_same_optimum():

@@ -1,5 +1,7 @@
 """Planned ways against the shortest ways that are known or that Dijkstra finds."""
 
+from itertools import combinations, pairwise
+
 import numpy as np
 import pytest
 from scipy import ndimage
@@ -244,6 +246,112 @@ def test_a_long_line_is_drawn_taut_between_some_of_its_points():
     assert cost_along(taut(line, cost), cost) <= cost_along(line, cost)
     even = ts.plan_path((2, 60_000), (3, 0), (59_000, 1))
     assert even.length == pytest.approx(58_997, abs=1)
+
+
+# The cost of a line, and the line drawn taut.
+
+
+LINES = {
+    "up to the right": [(0.3, 4.6), (6.7, 0.2)],
+    "back and forth": [(6.1, 1.2), (1.9, 4.4), (1.9, 0.5), (6.6, 0.5)],
+    "along a border": [(7.0, 0.4), (7.0, 5.0), (0.0, 5.0)],
+    "along a side of pixels": [(2.0, 0.5), (2.0, 4.5)],
+    "in one pixel": [(3.2, 2.9), (3.9, 2.1)],
+}
+
+
+@pytest.mark.parametrize("line", LINES.values(), ids=LINES.keys())
+def test_the_cost_of_a_line_is_what_its_samples_pay(line):
+    cost = np.random.default_rng(3).uniform(1, 9, (5, 7))
+    share = (np.arange(20_000) + 0.5)[:, None] / 20_000
+    wanted = 0.0
+    for start, end in pairwise(np.array(line)):
+        x, y = np.minimum(np.floor(start + share * (end - start)).astype(int), (6, 4)).T
+        wanted += np.hypot(*(end - start)) * cost[y, x].mean()
+    assert ts.path.path_cost(ts.vector.Polyline(line), cost) == pytest.approx(wanted, rel=1e-3)
+
+
+@pytest.mark.parametrize("line", [[(3, 0), (5, 2)], [(5, 2), (3, 0)], [(5, 0), (3, 2)], [(3, 2), (5, 0)]])
+def test_a_line_through_a_corner_needs_one_free_side(line):
+    rising = (line[1][0] - line[0][0]) * (line[1][1] - line[0][1]) < 0
+    beside = [(0, 3), (1, 4)] if rising else [(0, 4), (1, 3)]
+    cost = np.ones((4, 6))
+    for pixel in beside:
+        cost[pixel] = np.inf
+        wanted = np.inf if pixel == beside[1] else np.hypot(2, 2)
+        assert ts.path.path_cost(ts.vector.Polyline(line), cost) == pytest.approx(wanted)
+    cost[beside[0]] = 1.0
+    assert ts.path.path_cost(ts.vector.Polyline(line), cost) == pytest.approx(np.hypot(2, 2))
+
+
+def test_a_traced_way_resists_least():
+    rng = np.random.default_rng(8)
+    density = rng.random((8, 11))
+    resistance = 1 / (density + 1e-3)
+    sources, sinks = [(0, 0), (7, 1), (2, 9)], [(6, 10), (1, 5)]
+    reached, _ = MCP_Geometric(resistance).find_costs(sinks)
+    for source, line in zip(sources, trace(density, np.ones((8, 11)), sources, sinks), strict=True):
+        assert tuple(line[0, ::-1] - 0.5) == source
+        assert tuple(line[-1, ::-1] - 0.5) in sinks
+        columns, rows = (line - 0.5).astype(int).T
+        along = resistance[rows, columns]
+        paid = (np.hypot(*np.diff(line, axis=0).T) * (along[1:] + along[:-1]) / 2).sum()
+        assert paid == pytest.approx(reached[source])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_of_all_ways_to_leave_points_out_the_cheapest_is_drawn(seed):
+    cost = np.random.default_rng(seed).uniform(1, 4, (6, 7))
+    line = np.array([(0, 0), (1, 0), (2, 1), (2, 2), (3, 3), (4, 3), (5, 4), (5, 5)]) + 0.5
+    kept = [(0, *inner, 7) for count in range(7) for inner in combinations(range(1, 7), count)]
+    least = min(cost_along(line[list(some)], cost) for some in kept)
+    assert cost_along(taut(line, cost), cost) == pytest.approx(least)
+
+
+def test_costs_of_several_ways_add_up():
+    ground = 1 + np.arange(18 * 24).reshape(18, 24) % 7 / 3
+    found = ts.plan_path(ground, [(2, 3), (3, 15)], (21, 8), gather=5, sharpen=2)
+    assert found.costs == pytest.approx([ts.path.path_cost(path, ground) for path in found.paths])
+    assert found.cost == pytest.approx(sum(found.costs))
+    assert found.length == pytest.approx(found.paths[0].length + found.paths[1].length)
+
+
+def test_every_source_has_a_stroke_and_the_penalty_grows():
+    wall = np.zeros((12, 20), bool)
+    wall[:6, 9] = True
+    found = ts.plan_path(
+        wall.shape, [(2, 3), (16, 2)], [(3, 10), (17, 9)], obstacles=wall, gather=4, sharpen=6, stroke_px=1.5
+    )
+    least = 1.5 * (np.hypot(1, 7) + np.hypot(1, 7))
+    assert [record.bound for record in found.history] == pytest.approx(
+        [max((12 * 20 - 6) / n**2, least) for n in range(1, 11)]
+    )
+    penalties = [record.penalty for record in found.history]
+    assert penalties[:4] == [1, 1, 1, 1]
+    assert np.diff(penalties[3:8]) == pytest.approx(0.5)
+    assert penalties[7:] == [3, 3, 3]
+    assert {record.leg for record in found.history} == {1}
+    alone = ts.plan_path((12, 20), (2, 3), (17, 9), gather=3, sharpen=0)
+    assert [record.penalty for record in alone.history] == [1, 1, 1]
+
+
+def test_ends_may_lie_anywhere_on_the_ground():
+    found = ts.plan_path((9, 10), (0, 0), (9.99, 8.99), gather=3, sharpen=0)
+    assert found.paths[0].points[[0, -1]].tolist() == [[0.5, 0.5], [9.5, 8.5]]
+    for point in ((10, 3), (3, 9), (-0.01, 3), (3, -0.01)):
+        with pytest.raises(ts.OptionError, match="outside the ground of 10 × 9"):
+            ts.plan_path((9, 10), (0, 0), point)
+
+
+def test_grounds_have_two_rows_and_four_megapixels_at_most():
+    line = ts.vector.Polyline([[0.5, 0.5], [1.5, 0.5]])
+    assert ts.path.path_cost(line, np.full((2, 2), 3.0)) == 3.0
+    assert ts.path.path_cost(line, (2000, 2000)) == 1.0
+    with pytest.raises(ts.OptionError, match="2001 × 2000 px is too large"):
+        ts.path.path_cost(line, (2000, 2001))
+    for shape in ((1, 5), (5, 1), (2, 2, 2)):
+        with pytest.raises(ts.ImageError, match="at least 2 × 2"):
+            ts.path.path_cost(line, np.ones(shape))
 
 
 @pytest.mark.parametrize(

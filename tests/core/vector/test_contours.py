@@ -5,7 +5,7 @@ import pytest
 from scipy import ndimage
 
 import toposeam as ts
-from toposeam.vector.contours import ANCHORS_PX, MARGIN_PX, contour
+from toposeam.vector.contours import ANCHORS_PX, MARGIN_PX, CurvePath, contour, contour_beyond
 
 
 def blobs(height=60, width=84, sigma=4.0, seed=0):
@@ -113,3 +113,44 @@ def test_bad_input():
         contour(np.full((4, 4), np.nan), 0.5)
     with pytest.raises(ts.OptionError, match="positive"):
         contour(np.zeros((4, 4)), 0.5, tolerance_px=0)
+
+
+def test_path_data_are_the_shortest_decimals():
+    first = [[(-0.5, 12), (0, 12.04), (0.125, 10), (2, 10)], [(2, 10), (2, 9.96), (-0.4, 12.1), (-0.5, 12)]]
+    second = [[(100, 0.05), (100.2, 1.05), (99, 1), (100, 0.05)]]
+    path = CurvePath(np.array(first + second, float), np.array([0, 2]))
+    assert path.data(digits=1) == ("M-.5,12c.5 0 .6 -2 2.5 -2 0 0 -2.4 2.1 -2.5 2z M100,0c.2 1 -1 1 0 0z")
+    assert path.data(scale=2, digits=0).startswith("M-1,24c1 0 1 -4 5 -4 ")
+
+
+def test_curves_end_on_every_twelfth_row_and_column():
+    y, x = np.mgrid[:60, :72] + 0.5
+    path = contour(20 - np.hypot(x - 31, y - 28), 0.0, periodic=False)
+    points = along(path.curves).reshape(9, -1, 2)
+    for axis in (0, 1):
+        place = (points[..., axis] - 0.5) / ANCHORS_PX
+        low, high = place.min(axis=0), place.max(axis=0)
+        assert (high <= np.floor(low + 0.01) + 1.01).all()
+    ends = (path.curves[:, 0] - 0.5) / ANCHORS_PX
+    assert (np.abs(ends - np.rint(ends)).min(axis=1) < 1e-6).sum() >= 8
+
+
+@pytest.mark.parametrize("tolerance", [0.02, 0.1, 1.0])
+def test_curves_are_as_near_as_asked_and_no_more_of_them(tolerance):
+    y, x = np.mgrid[:72, :96] + 0.5
+    density = np.sin(x / 5.5) + np.cos(y / 7 + x / 23)
+    polygon = contour(density, 0.35, periodic=False, tolerance_px=1e-6).curves[:, 0]
+    path = contour(density, 0.35, periodic=False, tolerance_px=tolerance)
+    apart = np.hypot(*(polygon[:, None] - along(path.curves, 33)[None]).transpose(2, 0, 1)).min(axis=1)
+    assert apart.max() < tolerance + 0.15  # between the samples
+    assert len(path.curves) <= len(polygon)
+    wider = contour(density, 0.35, periodic=False, tolerance_px=2 * tolerance)
+    assert len(wider.curves) <= len(path.curves)
+
+
+def test_a_window_has_more_than_its_margins():
+    least = 2 * MARGIN_PX + 1
+    assert not len(contour_beyond(np.zeros((least, least + 3)), 0.5).curves)
+    for shape in ((least - 1, least + 3), (least + 3, least - 1)):
+        with pytest.raises(ts.ImageError, match="margins included"):
+            contour_beyond(np.zeros(shape), 0.5)

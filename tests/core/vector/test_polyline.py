@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from toposeam.errors import OptionError, PathError
-from toposeam.vector.polyline import Polyline, trace_boundary
+from toposeam.vector.polyline import Polyline, check_length, trace_boundary
 
 
 def everywhere(labels):
@@ -236,3 +236,40 @@ def test_a_closed_line_never_becomes_less_than_a_triangle():
     square = Polyline([[0, 0], [1, 0], [1, 1], [0, 1]], closed=True)
     assert len(square.simplified(100).points) >= 3
     assert points(Polyline([[0, 0], [5, 0], [0, 5]], closed=True).simplified(100)) == [[0, 0], [5, 0], [0, 5]]
+
+
+# --- length
+
+
+def test_a_closed_line_is_longer_by_its_last_side():
+    corners = [[2, 1], [5, 1], [5, 5]]
+    assert Polyline(corners).length == 7
+    assert Polyline(corners, closed=True).length == 12
+    assert Polyline(corners[:2], closed=True).length == 6
+
+
+def test_lines_of_a_million_px_are_followed_and_no_longer_ones():
+    check_length(np.array([[0.0, 0.0], [4e5, -5e5], [3e5, -5e5]]))
+    with pytest.raises(PathError, match=r"1e\+06 px to the side and down"):
+        check_length(np.array([[0.0, 0.0], [4e5, -5e5], [3e5 - 1, -5e5]]))
+    with pytest.raises(PathError):
+        check_length(np.array([[0.0, 0.0], [np.nan, 0.0]]))
+
+
+def test_whether_a_line_is_closed_is_true_or_false():
+    assert Polyline([[0, 0], [1, 0]], closed=np.True_).closed
+    with pytest.raises(PathError, match="closed is of type int"):
+        Polyline([[0, 0], [1, 0]], closed=1)
+
+
+def test_two_points_of_a_closed_line_may_be_one_place():
+    assert points(Polyline([[3, 4], [3, 4]], closed=True)) == [[3, 4], [3, 4]]
+    assert points(Polyline([[3, 4], [5, 4], [3, 4]], closed=True)) == [[3, 4], [5, 4]]
+
+
+def test_lines_of_three_points_are_simplified_but_no_triangles():
+    corners = [[0, 0], [5, 0.1], [9, 0]]
+    assert points(Polyline(corners).simplified(0.2)) == [[0, 0], [9, 0]]
+    assert points(Polyline(corners, closed=True).simplified(0.2)) == corners
+    square = Polyline([[0, 0], [5, 0.1], [9, 0], [9, 9]], closed=True)
+    assert points(square.simplified(0.2)) == [[0, 0], [9, 0], [9, 9]]

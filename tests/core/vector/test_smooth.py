@@ -86,3 +86,47 @@ def test_a_tolerance_must_be_a_positive_number():
 def test_however_small_a_closed_line_is_two_curves_at_least(side):
     ring = ts.vector.Polyline([[0, 0], [side, 0], [side, side], [0, side]], closed=True)
     assert len(ts.vector.smooth_path(ring, tolerance=50).curves) == 2
+
+
+def test_the_distance_is_the_farthest_of_curves_and_line():
+    across = np.column_stack([np.arange(11.0), np.zeros(11)])
+
+    def distance(*ends):
+        start, end = np.array(ends, float)
+        curve = start + np.linspace(0, 1, 4)[:, None] * (end - start)
+        return ts.vector.SmoothPath(curve[None], np.array([0, 10]), False, across).distance()
+
+    assert distance((0, 0), (10, 0)) == pytest.approx(0, abs=0.2)
+    assert distance((0, 4), (10, 4)) == pytest.approx(4, abs=0.2)
+    assert distance((0, 0), (7, 0)) == pytest.approx(3, abs=0.2)  # the line goes on
+    assert distance((-5, 0), (10, 0)) == pytest.approx(5, abs=0.2)  # the curve began before
+
+
+def test_a_piece_has_its_turning_points_only():
+    dense = np.array([(0, 0), (1, 0), (2, 0), (2, 1), (2, 2), (3, 3), (4, 4), (5, 4)], float)
+    smooth = ts.vector.SmoothPath(np.zeros((2, 4, 2)), np.array([0, 4, 7]), False, dense)
+    assert smooth.piece(0).tolist() == [[0, 0], [2, 0], [2, 2]]
+    assert smooth.piece(1).tolist() == [[2, 2], [4, 4], [5, 4]]
+
+
+def test_the_line_has_a_point_on_every_px():
+    line = ts.vector.Polyline([[0, 0], [3, 1.5], [3, -1], [3.4, -1]])
+    expected = [(0, 0), (1, 0.5), (2, 1), (3, 1.5), (3, 2 / 3), (3, -1 / 6), (3, -1), (3.4, -1)]
+    assert ts.vector.smooth_path(line).dense == pytest.approx(np.array(expected))
+    closed = ts.vector.smooth_path(ts.vector.Polyline([[0, 0], [2, 0], [2, 2]], closed=True)).dense
+    assert closed.tolist() == [[0, 0], [1, 0], [2, 0], [2, 1], [2, 2], [1, 1], [0, 0]]
+
+
+def test_the_first_tolerance_with_few_curves_counts():
+    line = wandering(2, 160, calm=3)
+    few = np.ptp(line.points, axis=0).max() / FEW_PX
+    curves = [len(ts.vector.smooth_path(line, tolerance).curves) for tolerance in TOLERANCES_PX]
+    wanted = next((count for count in curves if count <= few), curves[-1])
+    assert len(ts.vector.smooth_path(line).curves) == wanted
+
+
+def test_what_is_no_line_is_refused():
+    with pytest.raises(ts.TopoSeamError, match="line"):
+        ts.vector.smooth_path(np.zeros((4, 2)))
+    with pytest.raises(ts.OptionError, match="tolerance"):
+        ts.vector.smooth_path(wandering(), tolerance=0)

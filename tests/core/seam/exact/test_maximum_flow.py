@@ -13,6 +13,7 @@ from skimage import data
 import toposeam as ts
 from toposeam.heat.network import Network
 from toposeam.seam.exact import maximum_flow as flow
+from toposeam.seam.exact import minimum_cut
 
 ENGINES = {"scipy": lambda: flow.by_scipy, "or-tools": flow.or_tools}
 MODULE = "ortools.graph.python.max_flow"
@@ -134,6 +135,29 @@ def test_overlaps_are_divided_by_the_same_seams(engine, crops, monkeypatch):
     assert len(asked) > 20
     for one, other in zip(*joined.values(), strict=True):
         assert np.array_equal(one, other)
+
+
+@pytest.mark.parametrize("dearest", [1.0, 1e3, 1e9])
+def test_capacities_are_fine_and_fit_in_32_bits(dearest, monkeypatch):
+    """However they are added up, in both directions at once."""
+    n = 2000
+    weight = np.ones(n)
+    weight[7] = dearest
+    network = Network(n, np.arange(n), np.full(n, n + 1))
+    given = []
+    monkeypatch.setattr(
+        "toposeam.seam.exact.maximum_flow._engine_for",
+        lambda _: lambda *one: given.append(one) or np.array([n + 1], np.int32),
+    )
+    assert not minimum_cut(network, weight).any()
+    ((nodes, tail, head, capacity),) = given
+    assert nodes == n
+    assert tail.tolist() == [*range(n), *[n + 1] * n]
+    assert head.tolist() == [*[n + 1] * n, *range(n)]
+    assert 2**29 < capacity.sum(dtype=np.int64) <= 2**31 - 2
+    np.testing.assert_array_equal(capacity[:n], capacity[n:])
+    assert abs(capacity[7] - dearest * capacity[0]) <= (dearest + 1) / 2
+    assert set(capacity[8:n].tolist()) == {int(capacity[0])}
 
 
 # --- an OR-tools that is not there, or not as we know it

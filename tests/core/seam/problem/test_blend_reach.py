@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import toposeam as ts
-from toposeam.seam.problem import STEP, Reach
+from toposeam.seam.problem import STEP, MatchCost, Reach, any_by_steps, within_reach
 from toposeam.seam.problem.blend_reach import CELL
 
 EVERYWHERE = slice(0, 96), slice(0, 128)
@@ -62,6 +62,48 @@ def test_rows_and_columns_are_those_of_the_whole():
     whole = reach.on(*EVERYWHERE)
     assert (reach.on(slice(37, 61), slice(70, 93)) == whole[37:61, 70:93]).all()
     assert reach.on(slice(-1, 98), slice(-1, 130)).shape == (99, 131)
+
+
+def test_costs_rise_twofold_towards_the_end_of_a_picture():
+    alone = np.zeros((48, 64), bool)
+    alone[:, 32:] = True  # from column 64 on
+    for length in (16, 32):
+        blocks = [(0, np.zeros((48, 64, 1), np.float32), ~alone, alone)]
+        rise = Reach((96, 128), blocks, length).rise(*EVERYWHERE)
+        assert rise[:, 66:] == pytest.approx(2)
+        assert rise[:, : 64 - length] == pytest.approx(1)
+        # Between the middles of cells it falls evenly.
+        assert rise[40, 66 - length : 66] == pytest.approx(1 + (np.arange(length) + 0.5) / length, abs=1e-3)
+
+
+def test_what_a_blend_takes_away_is_taken_from_the_first():
+    known = np.ones((48, 64), bool)
+    known[:, 40:] = False
+    difference = np.full((48, 64, 2), (0.25, -0.5), np.float32)
+    reach = Reach((96, 128), [(0, difference, known, ~known)], 16)
+    rows, columns = slice(10, 20), slice(70, 90)
+    assert reach.even(rows, columns)[:, 3, 7] == pytest.approx([0.25, -0.5])
+    a, weight = np.full((10, 20, 2), 0.75, np.float32), np.full((10, 20), 3, np.float32)
+    rise = reach.rise(rows, columns)
+    assert 1 < rise.mean() < 2
+    for factors, wanted in ((None, rise), (weight, 3 * rise)):
+        first, raised, beyond = within_reach(reach, a, factors, rows, columns, MatchCost())
+        np.testing.assert_allclose(first, np.broadcast_to([0.5, 1.25], a.shape), atol=1e-6)
+        np.testing.assert_allclose(raised, wanted, rtol=1e-6)
+        np.testing.assert_allclose(beyond, 0, atol=1e-6)
+    first, raised, _ = within_reach(reach, a, None, rows, columns, MatchCost(law="gradient"))
+    assert first is a
+    assert raised is None
+
+
+def test_squares_of_two_pixels_have_any_of_theirs():
+    mask = np.zeros((5, 7), bool)
+    mask[1, 2] = mask[4, 6] = True
+    assert any_by_steps(mask).tolist() == [
+        [False, True, False, False],
+        [False] * 4,
+        [False, False, False, True],
+    ]
 
 
 def test_what_knows_no_reach_refuses_it():

@@ -81,6 +81,82 @@ def test_costs_do_not_depend_on_the_window(start):
         )
 
 
+def as_written(a, b, shared, start):
+    """m and W cell by cell, as the module's text has them."""
+    offset = [place % 2 for place in start]
+    rows, columns = (-(-(side + first) // 2) for side, first in zip(shared.shape, offset, strict=True))
+    cells = [(row, column) for row in range(rows) for column in range(columns)]
+
+    def mean_colour(planes, row, column):
+        inside = [max(2 * at - first, 0) for at, first in zip((row, column), offset, strict=True)]
+        beyond = [2 * at - first + 2 for at, first in zip((row, column), offset, strict=True)]
+        box = np.s_[inside[0] : beyond[0], inside[1] : beyond[1]]
+        return planes[:, *box][:, shared[box]].mean(axis=1) if shared[box].any() else None
+
+    colour_a, colour_b = ({cell: mean_colour(planes, *cell) for cell in cells} for planes in (a, b))
+
+    def near(row, column, size, known=True):
+        half = size // 2
+        return [
+            cell
+            for cell in cells
+            if abs(cell[0] - row) <= half
+            and abs(cell[1] - column) <= half
+            and not (known and colour_a[cell] is None)
+        ]
+
+    def deviation(colours, cell):
+        window = [colours[other] for other in near(*cell, 3)]
+        return np.sqrt(np.var(window, axis=0).sum()) if window else 0.0
+
+    def outside(colours, others, cell):
+        window = [others[other] for other in near(*cell, 5)]
+        below, above = np.min(window, axis=0) - colours[cell], colours[cell] - np.max(window, axis=0)
+        return np.linalg.norm(np.maximum(np.maximum(below, above), 0))
+
+    busy = {cell: min(deviation(colour_a, cell), deviation(colour_b, cell), 0.2) for cell in cells}
+    mismatch, foreign = dict.fromkeys(cells, 0.0), dict.fromkeys(cells, 0.0)
+    for cell in cells:
+        if colour_a[cell] is not None:
+            apart = np.linalg.norm(colour_a[cell] - colour_b[cell])
+            mismatch[cell] = min(apart / (0.03 + 0.7 * busy[cell]), 12)
+            out = max(outside(colour_a, colour_b, cell), outside(colour_b, colour_a, cell))
+            foreign[cell] = min(out / 0.03, 12)
+
+    def thing(values):
+        above = {cell: max(values[cell] - 1, 0) for cell in cells}
+        wide = {cell: max(above[other] for other in near(*cell, 5, known=False)) for cell in cells}
+        found = np.zeros((rows, columns))
+        for cell in cells:
+            window = np.array([values[other] for other in near(*cell, 7)] or [0.0])
+            thin = np.mean(window**4) ** 0.25 / max(np.mean(window), 1e-6)
+            found[cell] = thin * min(wide[other] for other in near(*cell, 5, known=False))
+        return found
+
+    masking = np.array([0.02 + 0.7 * busy[cell] for cell in cells]).reshape(rows, columns)
+    box = tuple(slice(first, first + side) for first, side in zip(offset, shared.shape, strict=True))
+    return tuple(
+        np.kron(values, np.ones((2, 2)))[box] for values in (masking, thing(mismatch) + thing(foreign))
+    )
+
+
+def both_ways(*given):
+    """m and W as computed, each beside what it says in words."""
+    return zip(perceived(*given), as_written(*given), strict=True)
+
+
+@pytest.mark.parametrize("start", [(0, 0), (3, 6), (-1, 1)])
+def test_what_eyes_notice_is_computed_as_written(start):
+    rng = np.random.default_rng(9)
+    a = np.kron(rng.random((2, 5, 9)), np.ones((1, 4, 3)))[:, :17, :25].astype(np.float32)
+    b = a + rng.normal(0, 0.03, a.shape).astype(np.float32)
+    b[:, 5:9, 8:19] += 0.5
+    shared = np.ones((17, 25), bool)
+    shared[:5, 19:], shared[12:, :3], shared[9, 11] = False, False, False
+    for found, wanted in both_ways(a, b, shared, start):
+        np.testing.assert_allclose(found, wanted, rtol=2e-3, atol=1e-3)
+
+
 def test_rows_computed_in_blocks_are_those_of_the_whole(monkeypatch):
     a, b = data.coffee()[:200, :150], data.coffee()[3:203, 2:152]
     whole = seam_problem(a, b, None, None, "right", MatchCost())[0]

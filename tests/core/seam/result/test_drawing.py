@@ -29,3 +29,13 @@ def test_lines_on_the_far_border_are_drawn_on_the_last_pixels():
     drawn = draw_seams(np.zeros((6, 6), np.uint8), [Drawn((6, 0), (6, 6))])
     assert drawn[:, 5].any(axis=1).all()
     assert ts.seam.draw_seams is draw_seams
+
+
+def test_lines_are_as_thick_as_the_picture_is_large():
+    for side, red, white in ((240, 1, 3), (500, 3, 5), (1000, 5, 9)):
+        drawn = draw_seams(np.zeros((side, side + 90), np.uint8), [Drawn((70, 0), (70, side))])
+        row = drawn[side // 2]
+        assert np.count_nonzero(row.any(axis=1)) == white
+        reddish = np.flatnonzero(row[:, 0] > row[:, 1])
+        assert (len(reddish), reddish.mean()) == (red, 70)
+        assert not (row[:, 0] < row[:, 1]).any()

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import toposeam as ts
+from toposeam.seam.result import Verdict, verdict_of, worst_of
 
 ROWS = np.sin(np.arange(40) * 0.9)[:, None] * np.ones((1, 30)) * 0.4 + 0.5
 
@@ -78,3 +79,54 @@ def test_a_crop_is_judged_by_what_it_shows():
     assert above.where == (verdict.where[0] - 1, verdict.where[1] - 2)
     assert verdict.inside(None) is verdict
     assert verdict.inside((39, 0, 1, 96)).where is None
+
+
+def squares_of(*groups):
+    """Verdict of interfaces in groups: how many, each one's cost, x and y."""
+    count, cost, x, y = np.array(groups).T
+    return verdict_of(*(np.repeat(values, count) for values in (cost.astype(float), x, y)))
+
+
+def test_likenesses_are_averaged_over_squares_of_sixteen():
+    # Costs of 0, 18 and 162 are likenesses of 1, 1/2 and 1/10.
+    found = squares_of((30, 0, 3, 5), (4, 18, 16, 5), (3, 200, 40, 40), (3, 124, 45, 47))
+    assert found.mean == pytest.approx((30 + 4 / 2 + 6 / 10) / 40)
+    assert found.worst == pytest.approx(0.1)  # of 6 in 40, which are more than a tenth
+    assert found.where == (42, 44)
+    # Of two in a square only their mean counts; one px further on they are two squares.
+    assert squares_of((1, 0, 14, 3), (1, 36, 15, 3)).mean == pytest.approx(1 / 2)
+    assert squares_of((1, 0, 15, 3), (1, 36, 16, 3)).mean == pytest.approx((1 + 1 / 3) / 2)
+    assert squares_of((1, 0, 3, 15), (1, 36, 3, 16)).mean == pytest.approx((1 + 1 / 3) / 2)
+
+
+def test_the_worst_part_is_a_tenth_at_least():
+    assert squares_of((36, 0, 3, 5), (4, 162, 40, 40)).worst == pytest.approx(0.1)
+    less = squares_of((33, 0, 3, 5), (4, 18, 20, 5), (3, 162, 40, 40))
+    assert less.worst == pytest.approx((3 / 10 + 4 / 2) / 7)
+
+
+def test_half_the_likeness_is_not_to_be_seen():
+    just, below = (Verdict(mean=0.91239, worst=worst, where=(7, 9)) for worst in (0.5, 0.49996))
+    assert just.unseen
+    assert just.summary() == {"likeness": 0.9124, "worst_likeness": 0.5, "look_at": None}
+    assert not below.unseen
+    assert below.summary() == {"likeness": 0.9124, "worst_likeness": 0.5, "look_at": [7, 9]}
+    assert str(Verdict(mean=0.1, worst=0.1, where=None)) == "not to be seen"
+
+
+def test_a_crop_shows_what_lies_between_its_sides():
+    verdict = squares_of((5, 18, 10, 8), (5, 162, 20, 40))
+    assert verdict.inside((10, 8, 11, 33)).worst == pytest.approx(0.1)
+    for box in ((10, 8, 10, 33), (10, 8, 11, 32)):
+        assert verdict.inside(box).mean == pytest.approx(0.5)
+        assert verdict.inside(box).where == (0, 0)
+    for box in ((11, 8, 10, 33), (10, 9, 11, 32)):
+        assert verdict.inside(box).mean == pytest.approx(0.1)
+    assert verdict.inside((30, 0, 9, 99)) == Verdict(mean=1.0, worst=1.0, where=None)
+
+
+def test_one_seam_without_a_verdict_leaves_none_for_all():
+    one, other = (Verdict(mean=mean, worst=worst, where=(1, 2)) for mean, worst in ((0.9, 0.3), (0.5, 0.4)))
+    assert worst_of([other, one]) is one
+    assert worst_of([one, None]) is None
+    assert worst_of([]) is None

@@ -283,6 +283,17 @@ def test_leaving_out_dead_elements_keeps_the_path_and_the_seam(crops, monkeypatc
     assert same >= 11
 
 
+def test_a_step_that_changes_nothing_is_not_taken_back(crops, monkeypatch):
+    """However far the compliance is above its bound."""
+    monkeypatch.setattr("toposeam.optimize.mma.MMA.step", lambda self, x, *_: x)
+    monkeypatch.setattr("toposeam.optimize.mma.MMA.retreat", None)
+    options = ThesisOptions(stages=1, reachable=False, overshoot=1.0, start=0.05)
+    history = thesis_path(strip_problem(crops, 2, 20, 8), options).history
+    assert history[0].compliance > history[0].bound == 28
+    assert [record.compliance for record in history] == [history[0].compliance] * 3
+    assert [record.change for record in history] == [0, 0, 0]
+
+
 def test_two_pixels_between_the_patches_leave_nothing_to_decide():
     problem = problem_of(*np.zeros((2, 8, 2), np.uint8), side_by_side((8, 2), "right"))
     solution = thesis_path(problem, ThesisOptions())

@@ -63,7 +63,7 @@ def test_pairs_that_match_elsewhere_are_outvoted(seed):
 
 
 @pytest.mark.parametrize("most", [1, 60])
-def test_wrong_pairs_among_pictures_that_are_turned_are_outvoted(most):
+def test_wrong_pairs_among_turned_pictures_are_outvoted(most):
     """Two of them in a column, far off in one direction and in another."""
     rng = np.random.default_rng(0)
     turns = np.radians(most) * np.array([0, *rng.uniform(-1, 1, 11)])

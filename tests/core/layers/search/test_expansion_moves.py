@@ -162,7 +162,7 @@ def test_pixels_of_two_layers_beside_no_others_are_divided(seed):
     assert not changed[~expected].any()
 
 
-def test_a_part_with_some_of_the_layers_costs_what_it_does_whole():
+def test_a_part_with_some_layers_costs_what_the_whole_does():
     labelling = four()
     box, layers = Box(9, 32, 41, 88), [1, 3]
     label_map = labelling.on_top()[box.slices]

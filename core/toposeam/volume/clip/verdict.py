@@ -166,7 +166,7 @@ def camera(clip: Volume, data_range: float | None) -> tuple[int, int] | None:
     stands, shifted = float(np.mean(still)), float(np.mean(together))
     if stands > _HARDLY and (stands > _FEW or shifted < _TIMES * stands):
         return None
-    path = np.cumsum(shifts, axis=0)
+    path = np.cumsum([np.zeros(2), *shifts], axis=0)
     far = np.ptp(path, axis=0) / (np.array(clip.shape[1:3]) / side)
     if (np.abs(shifts).max(axis=1) >= 1).mean() < _MOST or far.max() < _FAR:
         return None

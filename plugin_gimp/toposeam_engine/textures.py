@@ -168,7 +168,7 @@ def _white_of(job: EngineJob, shape: tuple[int, ...]) -> Mask:
     white, (left, top) = job.read(raster) >= 128, place_of(raster)
     result = np.zeros(shape, bool)
     rows, columns = (
-        slice(max(start, 0), max(min(start + length, limit), 0))
+        slice(min(max(start, 0), limit), max(min(start + length, limit), 0))
         for start, length, limit in zip((top - y, left - x), white.shape, shape, strict=True)
     )
     result[rows, columns] = white[

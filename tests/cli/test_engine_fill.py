@@ -142,3 +142,119 @@ def test_a_preview_shows_what_is_copied_from(request_folder, rng, where):
     assert not bright[205:225, 205:225].any()
     assert bright[150, 10] == (where != "around")
     assert bright[190, 190] == (where != "other")
+
+
+def _bright(request_folder, pixels, hole, at=(0, 0), source=None, **more):
+    """(H, W) bool: what of a layer may be copied, as the preview shows it."""
+    colours = pixels[..., :3]
+    scene = {
+        "operation": "preview",
+        "of": "fill",
+        "scale": 1.0,
+        "copied": True,
+        "layer": {**request_folder.raster("layer", pixels, at), **more},
+        "selection": request_folder.raster("hole", hole, at),
+        "source": source,
+    }
+    options = {**OPTIONS, "from": "layer" if source is None else "other"}
+    if source == "around":
+        options, scene["source"] = {**OPTIONS, "from": "around"}, None
+    drawn = request_folder.pixels(result_of(request_folder.ask(**scene, options=options))["picture"])
+    return (drawn[..., :3] == colours).all(axis=2)
+
+
+@pytest.mark.parametrize(("fewer", "scarce"), [(0, False), (1, True), (100, True), (-200, False)])
+@pytest.mark.parametrize(("longer", "reach"), [(10, 512), (400, 600)])
+def test_a_hole_with_little_around_it_looks_at_all(request_folder, rng, fewer, scarce, longer, reach):
+    """Twice as much as is selected is enough; in large layers what lies within 512 px, or one and a half
+    times the hole, is near.
+    """
+    pixels = np.dstack([rng.integers(100, 200, (7, 1500, 3), np.uint8), np.zeros((7, 1500), np.uint8)])
+    hole = np.zeros((7, 1500), np.uint8)
+    hole[2, 5 : 5 + longer], hole[4, 5:60] = 255, 255
+    edge = 5 + max(longer, 55) + reach
+    near = np.argwhere((hole == 0) & (np.arange(1500) < edge))
+    near = near[-(2 * np.count_nonzero(hole) - fewer) :]
+    pixels[near[:, 0], near[:, 1], 3] = 1
+    pixels[:, edge:, 3] = 255
+    bright = _bright(request_folder, pixels, hole, (30, 20), cut_from=(1 << 20) + 1)
+    expected = (hole == 0) & (pixels[..., 3] > 0)
+    expected[:, edge:] &= scarce
+    np.testing.assert_array_equal(bright, expected)
+
+
+@pytest.mark.parametrize(("size", "everywhere"), [(1 << 20, True), ((1 << 20) + 1, False)])
+def test_small_layers_are_looked_at_as_a_whole(request_folder, rng, size, everywhere):
+    pixels, hole = rng.integers(100, 200, (9, 900, 3), np.uint8), np.zeros((9, 900), np.uint8)
+    hole[4, 10:12] = 255
+    bright = _bright(request_folder, pixels, hole, cut_from=size)
+    assert bright[:, 12 + 512 :].any() == everywhere
+    assert bright[:, : 12 + 512].sum() == 9 * (12 + 512) - 2
+
+
+@pytest.mark.parametrize(("height", "width", "reach"), [(3, 5, 48), (48, 9, 48), (60, 20, 60), (7, 70, 70)])
+def test_around_is_as_far_as_the_selection_is_long(request_folder, rng, height, width, reach):
+    pixels, hole = rng.integers(100, 200, (260, 290, 3), np.uint8), np.zeros((260, 290), np.uint8)
+    hole[90 : 90 + height, 95 : 95 + width] = 255
+    hole[91, 96] = 127  # hardly selected, so it is copied
+    expected = np.zeros(hole.shape, bool)
+    expected[90 - reach : 90 + height + reach, 95 - reach : 95 + width + reach] = True
+    expected &= hole < 128
+    np.testing.assert_array_equal(_bright(request_folder, pixels, hole, source="around"), expected)
+    # At a corner of the layer there is less.
+    moved = np.roll(hole, (-88, 290 - 95 - width), (0, 1))
+    expected[:] = False
+    expected[: 2 + height + reach, 290 - width - reach :] = True
+    expected &= moved < 128
+    np.testing.assert_array_equal(_bright(request_folder, pixels, moved, source="around"), expected)
+
+
+@pytest.mark.parametrize("at", [(17, 31), (60, 5), (-40, 90), (200, 300), (25, 21)])
+def test_a_mask_counts_where_it_lies(request_folder, rng, at):
+    """White where it is 128 or more; it may go beyond the layer, or lie beside it."""
+    pixels, hole = rng.integers(100, 200, (50, 70, 3), np.uint8), np.zeros((50, 70), np.uint8)
+    hole[20:24, 30:33] = 255
+    white = rng.choice(np.array([0, 127, 128, 255], np.uint8), (33, 64))
+    source = request_folder.raster("white", white, at) | {"is_mask": True}
+    bright = _bright(request_folder, pixels, hole, (25, 20), source)
+    expected = np.zeros(hole.shape, bool)
+    for (row, column), value in np.ndenumerate(white):
+        y, x = row + at[1] - 20, column + at[0] - 25
+        if 0 <= y < 50 and 0 <= x < 70:
+            expected[y, x] = value >= 128 and not hole[y, x]
+    np.testing.assert_array_equal(bright, expected)
+
+
+@pytest.mark.parametrize("opacity", [False, True])
+@pytest.mark.parametrize("size", [(40, 90), (110, 40)])
+def test_another_picture_of_any_size_fills_the_hole(request_folder, rng, opacity, size):
+    """As if it were to the right of the layer, and only there could be copied from; not where it is
+    transparent.
+    """
+    pixels, hole = rng.integers(0, 100, (80, 60, 3), np.uint8), np.zeros((80, 60), np.uint8)
+    hole[30:41, 20:33] = 255
+    other, full = rng.integers(130, 200, (*size, 3), np.uint8), np.full(size, 255, np.uint8)
+    if opacity:
+        full[:, : size[1] // 2] = 0
+    request = {
+        "operation": "fill",
+        "layer": request_folder.raster("layer", pixels, (30, 20)),
+        "selection": request_folder.raster("hole", hole, (30, 20)),
+        "source": request_folder.raster("other", np.dstack([other, full]) if opacity else other, (4, 3)),
+    }
+    answer = request_folder.ask(**request, options={**OPTIONS, "from": "other", "patch": 8})
+    picture = result_of(answer)["picture"]
+    made, (x, y) = request_folder.pixels(picture), picture["at"]
+    rows = max(80, size[0])
+    wide, alpha, own = (
+        np.hstack([np.pad(one, [(0, rows - len(one)), *[(0, 0)] * (one.ndim - 1)]) for one in both])
+        for both in ((pixels, other), (np.full_like(hole, 255), full), (hole > 0, np.zeros(size, bool)))
+    )
+    source = np.arange(wide.shape[1]) >= np.full((rows, 1), 60)
+    source[size[0] :] = False
+    expected = ts.fill(wide, own, source=source, alpha=alpha, patch=8, seed=1).image[:80, :60]
+    shown = pixels.copy()
+    part = shown[y - 20 : y - 20 + made.shape[0], x - 30 : x - 30 + made.shape[1]]
+    part[made[..., 3] > 0] = made[made[..., 3] > 0][:, :3]
+    np.testing.assert_array_equal(shown, expected)
+    assert (shown[hole > 0] != pixels[hole > 0]).any()

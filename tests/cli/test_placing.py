@@ -12,8 +12,10 @@ from skimage import data
 import toposeam as ts
 from toposeam.layers.canvas import largest_full
 from toposeam_cli.app.options import Length
+from toposeam_cli.files.scratch import scratch as scratch_beside
 from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
-from toposeam_cli.stitching.inputs import arrange
+from toposeam_cli.stitching import inputs
+from toposeam_cli.stitching.inputs import PlacedPictures, arrange, picture_number
 from toposeam_cli.stitching.positions import Where
 
 RNG = np.random.default_rng(5)
@@ -265,3 +267,58 @@ def test_the_largest_rectangle_without_holes(seed):
     )
     assert mask[box.slices].all()
     assert box.shape[0] * box.shape[1] == best
+
+
+@pytest.mark.parametrize(
+    ("step", "touches"),
+    [
+        ((59, 39), True),
+        ((60, 0), False),
+        ((0, 40), False),
+        ((-49, -29), True),
+        ((-50, 0), False),
+        ((0, -30), False),
+        ((45, 35), True),
+        ((35, -30), False),
+        ((-50, 39), False),
+    ],
+)
+@pytest.mark.parametrize("begin", [(0, 0), (30, -7), (-100, 60)])
+def test_two_pictures_have_a_pixel_in_common_or_are_refused(unlike, begin, step, touches):
+    """A has 60 × 40 px, B 50 × 30."""
+    where = Where(at=[begin, (begin[0] + step[0], begin[1] + step[1])])
+    if touches:
+        job = arrange(unlike, where, max_megapixels=1)
+        assert [layer.at for layer in job.layers] == list(where.at)
+        return
+    told = rf"b.png at {step[0]},{step[1]} lies beside a.png, which is 60 × 40 px"
+    with pytest.raises(ts.OverlapError, match=told):
+        arrange(unlike, where, max_megapixels=1)
+
+
+@pytest.mark.parametrize(("most", "stored"), [(60 * 40 + 50 * 30, False), (60 * 40 + 50 * 30 - 1, True)])
+def test_pictures_with_too_many_pixels_wait_in_files(unlike, monkeypatch, most, stored):
+    monkeypatch.setattr(inputs, "STORED_PIXELS", most)
+    with scratch_beside(unlike[0].parent) as scratch:
+        job = arrange(unlike, Where(offset=(20, 5)), max_megapixels=1, scratch=scratch)
+        assert job.stored == stored
+        assert all(isinstance(layer.image, np.ndarray) == (not stored) for layer in job.layers)
+        np.testing.assert_array_equal(job.layers[1].image[:, :], read_picture(unlike[1]).pixels)
+    assert not arrange(unlike, Where(offset=(20, 5)), max_megapixels=1).stored  # there is nowhere to wait
+
+
+def test_pictures_are_meant_by_their_numbers_or_only_names():
+    names = {0: "a", 2: "b", 3: "b", 4: "1"}
+    meant = {key: picture_number(key, names, 5) for key in ("a", "b", "0", "4", "5", "1", "-1", "c", "2")}
+    assert meant == {"a": 0, "b": None, "0": 0, "4": 4, "5": None, "1": 4, "-1": None, "c": None, "2": 2}
+
+
+def test_numbers_count_the_pictures_that_were_left_out():
+    layers = tuple(ts.Layer(np.zeros((2, 2), np.uint8), name=name) for name in ("a", "c"))
+    job = PlacedPictures(pictures=(), layers=layers, numbers=(0, 2), lost=("b",))
+    meant = {key: job.number(key) for key in ("0", "a", "1", "b", "2", "c")}
+    assert meant == {"0": 0, "a": 0, "1": None, "b": None, "2": 1, "c": 1}
+    with pytest.raises(ts.OptionError, match=r"'3' is no picture .* from 0 to 2, or one of a, c$"):
+        job.number("3")
+    whole = PlacedPictures(pictures=(), layers=layers)
+    assert [whole.number(key) for key in ("0", "1")] == [0, 1]

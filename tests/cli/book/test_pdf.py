@@ -119,3 +119,142 @@ def test_texts_beyond_ascii_take_a_font_that_has_them(monkeypatch):
     monkeypatch.setattr(ImageFont, "truetype", found)
     assert pdf._font("Blüten", 40) is not None  # where no other font is, Pillow's
     assert set(tried) >= set(pdf._FONTS)
+
+
+def px(*lengths_mm):
+    return [round(length / 25.4 * 300) for length in lengths_mm]
+
+
+def box(page, colour):
+    """Left, top, right and bottom of all pixels of a colour, as Pillow counts them."""
+    rows, columns = np.nonzero((np.asarray(page) == colour).all(axis=2))
+    return [columns.min(), rows.min(), columns.max() + 1, rows.max() + 1]
+
+
+def test_every_picture_of_a_sheet_fills_its_place_exactly(folder):
+    (sheet,) = pages(folder, [row(number) for number in range(1, 20)])[2:]
+    width = (210 - 2 * 16 - 3 * 4) / 4  # four, and three gaps of 4 mm
+    for number in range(1, 20):
+        x, y = 16 + (number - 1) % 4 * (width + 4), 26 + (number - 1) // 4 * 53
+        assert box(sheet, (number, 100, 200)) == px(x, y, x + width, y + 0.84 * width)
+
+
+def test_the_words_of_a_pattern_stand_right_below_it(folder):
+    (sheet,) = pages(folder, [row(1), row(2)])[2:]
+    left, _, right, bottom = box(sheet, (2, 100, 200))
+    column = sheet.crop((left - 20, bottom, WIDTH, HEIGHT))
+    label, words = box(column, (0x2B, 0x29, 0x26)), box(column, (0x7B, 0x75, 0x6C))
+    millimetre = 300 / 25.4
+    assert 1 * millimetre <= label[1] <= 2.5 * millimetre
+    assert label[3] < words[1] <= 5.5 * millimetre  # one after another
+    assert words[3] < (53 - 35) * millimetre  # and all above what comes below
+    for begin, _, end, _ in (label, words):
+        assert 19 <= begin <= 28
+        assert end <= right - left + 40
+    # The heading is above all of them.
+    heading = box(sheet.crop((0, 0, WIDTH, px(26)[0])), (0x2B, 0x29, 0x26))
+    assert px(16)[0] - 1 <= heading[0] <= px(17)[0]
+    assert px(14)[0] <= heading[1] < heading[3] <= px(22)[0]
+
+
+def test_the_cover_has_seven_by_seven_motifs_to_its_edges(folder):
+    cover = pages(folder, [row(number) for number in range(1, 31)])[0]
+    for place in range(49):
+        x, y = place % 7 * 30, 87 + place // 7 * 30
+        number = 1 + round(place * 29 / 48)
+        assert at(cover, x + 0.5, y + 0.5) == at(cover, x + 29.4, y + 29.4) == (number, 100, 200)
+    assert at(cover, 105, 86.8) == (250, 248, 244)
+    title, words = box(cover, (0x2B, 0x29, 0x26)), box(cover, (0x7B, 0x75, 0x6C))
+    for left, *_ in (title, words):
+        assert px(16)[0] - 1 <= left <= px(17.5)[0]
+    assert px(34)[0] <= title[1] < title[3] < px(56)[0] <= words[1] < words[3] < px(63)[0]
+    assert title[3] - title[1] > 2 * (words[3] - words[1])
+
+
+def test_the_table_of_kinds_has_a_place_for_each(folder):
+    rows = [
+        row(1 + line * 4 + column, kind, season)
+        for line, kind in enumerate(Kind)
+        for column, season in enumerate(SEASONS)
+    ]
+    kinds = pages(folder, rows)[1]
+    step = (210 - 2 * 16) / 4
+    for number in range(1, len(rows) + 1):
+        x, y = 16 + (number - 1) % 4 * step, 43 + (number - 1) // 4 * (step + 14)
+        assert box(kinds, (number, 100, 200)) == px(x, y, x + step - 3, y + step - 3)
+    # Of equally many inks the first is shown.
+    rows = [row(5), row(3), row(4)]
+    assert at(pages(folder, rows)[1], 20, 50) == (3, 100, 200)
+
+
+def test_four_products_of_a_season_share_a_page(folder):
+    colours = {name: (200, 10 * place, 90) for place, name in enumerate(("tie", "scarf", "shirt", "phone"))}
+    for name, colour in colours.items():
+        pixels = np.full((60, 80, 3), colour, np.uint8)
+        write_picture(folder / "products" / f"{name}-winter.png", Picture(pixels=pixels))
+    given = [(row(1, season="winter"), name) for name in colours] + [(row(1, season="fall"), "tie")]
+    autumn, winter = sorted(pages(folder, [row(1)], given)[2:4], key=lambda page: at(page, 20, 40)[0])
+    assert at(autumn, 20, 40) == (10, 220, 30)
+    assert at(autumn, 16 + 92 + 20, 40) == (250, 248, 244)
+    for place, colour in enumerate(colours.values()):
+        x, y = 16 + place % 2 * 92, 34 + place // 2 * 130
+        assert box(winter, colour) == px(x, y, x + 86, y + 118)
+        below = winter.crop((*px(x, y + 118), *px(x + 86, y + 129)))
+        words = box(below, (0x7B, 0x75, 0x6C))
+        assert px(2)[0] <= words[1] < words[3] <= px(8)[0]
+
+
+@pytest.mark.parametrize(("across", "down"), [(20, 60), (60, 20)])
+@pytest.mark.parametrize("ratio", [0.5, 1.0, 1.7])
+def test_a_product_is_continued_to_the_ratio_it_needs(across, down, ratio):
+    """With its own edges, equally at both sides; nothing of it is cut off."""
+    y, x = np.mgrid[:down, :across]
+    picture = np.dstack([x * 3, y * 3, np.full_like(x, 77), np.full_like(x, 255)]).astype(np.uint8)
+    made = pdf._filling(picture, ratio)
+    height, width = made.shape[:2]
+    assert made.shape[2] == 3
+    assert width / height == pytest.approx(ratio, rel=0.005)
+    scale = 700 / 60
+    for axis, (length, side) in enumerate(((height, down), (width, across))):
+        own = round(side * scale)
+        assert length >= own
+        first = (length - own) // 2
+        line = made[:, width // 2, 1] if axis == 0 else made[height // 2, :, 0]
+        assert (line[: first + 1] == line[0]).all()
+        assert (line[first + own - 1 :] == line[-1]).all()
+        assert len(np.unique(line[first : first + own])) > side
+        assert line[length // 2] == pytest.approx(side * 3 / 2, abs=3)
+
+
+@pytest.mark.parametrize(
+    ("shape", "size"), [((1, 1), (20, 20)), ((2, 2), (40, 40)), ((1.26, 1.5), (25, 30)), ((2, 3), (40, 60))]
+)
+def test_of_a_swatch_whole_motifs_are_shown(folder, shape, size):
+    """It holds two by two of them and more."""
+    y, x = np.mgrid[:40, :65].astype(np.uint8)
+    pixels = np.dstack([y, x, x])
+    write_picture(folder / "swatches" / "0077.png", Picture(pixels=pixels))
+    np.testing.assert_array_equal(pdf._swatch(folder, row(77), shape), pixels[: size[0], : size[1]])
+
+
+def test_words_are_broken_into_five_lines_at_most():
+    text = " ".join(["some words"] * 60)
+    lines = pdf._wrapped(text, 44).split("\n")
+    assert len(lines) == 5
+    assert all(34 < len(line) <= 44 for line in lines)
+    assert text.startswith(" ".join(lines))
+    assert pdf._wrapped("two words", 44) == "two words"
+
+
+def test_words_grow_with_their_points_and_have_plain_dashes():
+    def drawn(text, size):
+        page = pdf._Page()
+        page.words(text, 20, 30, size)
+        return page.image
+
+    np.testing.assert_array_equal(drawn("3–4", 9), drawn("3-4", 9))
+    small, large = (box(drawn("H\nH", size), (0x2B, 0x29, 0x26)) for size in (18, 36))
+    assert [small[0] >= px(20)[0], small[1] >= px(30)[0]] == [True, True]
+    assert large[3] - large[1] == pytest.approx(2 * (small[3] - small[1]), abs=3)
+    # A capital is less high than its size, two lines are more than twice that.
+    assert 0.6 * 75 < box(drawn("H", 18), (0x2B, 0x29, 0x26))[3] - px(30)[0] < 75 < small[3] - px(30)[0]

@@ -1,13 +1,18 @@
 """``toposeam motif --explore``: the page, in a real browser where there is one."""
 
+import base64
+import io
 import re
 import shutil
 import subprocess
 from html import unescape
 
+import numpy as np
+import PIL.Image
 import pytest
 
 import toposeam as ts
+from toposeam_cli.motifs.book.exploring import explore_page
 from toposeam_cli.motifs.recipe_files import read_toml, recipe_from_table, to_toml
 
 SMALL = ("--size", "24", "--layers", "1", "--iterations", "3")
@@ -122,3 +127,28 @@ def test_going_on_from_one_begins_with_it(page, folder, toposeam):
     assert recipe_from_table(read_toml(folder / "kept.toml"), folder) == recipe
     toposeam("motif", "--explore", "2x2", "-o", "next.png").fails("not supported")
     toposeam("motif", "--explore", "99x99", "-o", "m.html").fails("too many")
+
+
+@pytest.mark.parametrize(
+    ("repeat", "counts"), [("none", (2, 2)), ("drop", (2, 2)), ("drop 1/3", (2, 3)), ("rotate", (2, 2))]
+)
+@pytest.mark.parametrize("size", [(18, 24), (24, 10)])
+def test_a_card_shows_whole_motifs_in_their_own_shape(repeat, counts, size):
+    """So many that the pattern repeats, two at least, as wide as the card; of long ones the beginning."""
+    recipes = [
+        ts.motif.random_recipe(size, layers=layers, iterations=2, seed=3, repeat=repeat) for layers in (1, 2)
+    ]
+    shares = []
+    page = explore_page(recipes, 5, shares.append)
+    assert shares == [0.5, 1]
+    assert "repeat(5, 1fr)" in page
+    assert re.findall(rf"{repeat}, seed 3, (\d inks?)<", page) == ["1 ink", "2 inks"]
+    assert re.findall(r'alt="motif (\d)"', page) == re.findall(r"<span>(\d) ·", page) == ["1", "2"]
+    pictures = re.findall(r"data:image/png;base64,([^\"]+)", page)
+    for recipe, text in zip(recipes, pictures, strict=True):
+        shown = np.asarray(PIL.Image.open(io.BytesIO(base64.b64decode(text))))
+        across = 360 // counts[1]
+        down = round(across * size[0] / size[1])
+        assert shown.shape == (min(counts[0] * down, 360), 360, 3)
+        drawn = ts.repeat(ts.generate_motif(recipe), counts, size=(down, across))[:360]
+        np.testing.assert_array_equal(shown, np.rint(np.clip(drawn, 0, 1) * 255))

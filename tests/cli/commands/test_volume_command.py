@@ -307,3 +307,225 @@ def test_a_second_try_of_a_killed_job_finds_its_zarr(tmp_path):
     with pytest.raises(OptionError, match="exists already"), all_or_nothing(resumed=True):
         write_stack(tmp_path / "j.zarr", whole + 1, None)
     np.testing.assert_array_equal(read(tmp_path / "j.zarr")[0], whole)
+
+
+def uneven(dtype=np.uint16, channels=0, depth=35):
+    """A stack whose sides all differ, of more slices than are written at a time."""
+    shape = (depth, 4, 7, channels)[: 4 if channels else 3]
+    return (np.random.default_rng(1).random(shape) * 200).astype(dtype)
+
+
+def ome_pixels(file):
+    """The sizes that OME's description names, as it writes them."""
+    from xml.etree import ElementTree
+
+    root = ElementTree.fromstring(file.ome_metadata)
+    return next(dict(node.attrib) for node in root.iter() if node.tag.endswith("}Pixels"))
+
+
+@pytest.mark.parametrize(
+    ("name", "dtype", "imagej"),
+    [
+        ("s.tif", np.uint8, True),
+        ("s.TIFF", np.uint16, True),
+        ("s.tif", np.float32, True),
+        ("s.tif", np.uint32, False),
+        ("s.tif", np.float16, True),
+        ("s.ome.tif", np.float16, False),
+        ("s.ome.tif", np.uint8, False),
+        ("s.OME.TIFF", np.uint16, False),
+        ("some.tif", np.uint8, True),
+    ],
+)
+@pytest.mark.parametrize("channels", [0, 3])
+def test_other_programs_find_voxels_and_sizes_in_a_tiff(tmp_path, name, dtype, imagej, channels):
+    from toposeam_cli.media.stacks.writing import write_stack
+
+    voxels = uneven(dtype, channels)
+    write_stack(tmp_path / name, voxels, SPACING)
+    with tifffile.TiffFile(tmp_path / name) as file:
+        assert (file.is_imagej, file.is_ome) == (imagej, not imagej)
+        series, page = file.series[0], file.pages[0]
+        assert series.axes == ("ZCYX" if channels else "ZYX")
+        assert page.photometric == tifffile.PHOTOMETRIC.MINISBLACK
+        found = series.asarray()
+        if imagej:
+            assert (file.imagej_metadata["spacing"], file.imagej_metadata["unit"]) == (SPACING[0], "um")
+            x, y = (page.tags[tag].value for tag in ("XResolution", "YResolution"))
+            assert (x[0] / x[1], y[0] / y[1]) == pytest.approx((1 / SPACING[2], 1 / SPACING[1]))
+        else:
+            pixels = ome_pixels(file)
+            assert tuple(float(pixels[f"PhysicalSize{axis}"]) for axis in "ZYX") == SPACING
+            assert {pixels[f"PhysicalSize{axis}Unit"] for axis in "ZYX"} == {"µm"}
+    assert found.dtype == (np.float32 if dtype == np.float16 else dtype)
+    np.testing.assert_array_equal(np.moveaxis(found, 1, -1) if channels else found, voxels)
+
+
+@pytest.mark.parametrize("name", ["s.tif", "s.ome.tif"])
+def test_voxels_of_no_known_size_get_none(tmp_path, name):
+    from toposeam_cli.media.stacks.writing import write_stack
+
+    write_stack(tmp_path / name, uneven(), None)
+    with tifffile.TiffFile(tmp_path / name) as file:
+        if file.is_ome:
+            assert not any(key.startswith("Physical") for key in ome_pixels(file))
+        else:
+            assert not {"spacing", "unit"} & set(file.imagej_metadata)
+    assert read(tmp_path / name)[1] is None
+
+
+@pytest.mark.parametrize(("more", "imagej"), [(0, False), (1, True)])
+def test_what_imagej_cannot_hold_is_written_as_ome(tmp_path, monkeypatch, more, imagej):
+    """Its files end at 4 GB; here, at what a small stack has."""
+    from toposeam_cli.media.stacks import writing
+
+    voxels = uneven(np.uint16, channels=2)
+    monkeypatch.setattr(writing, "_IMAGEJ_BYTES", voxels.nbytes + more)
+    writing.write_stack(tmp_path / "s.tif", voxels, None)
+    with tifffile.TiffFile(tmp_path / "s.tif") as file:
+        assert (file.is_imagej, file.is_ome) == (imagej, not imagej)
+    np.testing.assert_array_equal(read(tmp_path / "s.tif")[0], voxels)
+
+
+@pytest.mark.parametrize("suffix", [".tif", ".npy", ".zarr"])
+@pytest.mark.parametrize("lazy", [False, True])
+def test_stacks_are_written_some_slices_at_a_time(tmp_path, suffix, lazy):
+    from toposeam_cli.media.stacks.writing import write_stack
+
+    values, shares, parts = uneven(np.float32, channels=2), [], []
+    voxels = values
+    if lazy:
+        import dask.array
+
+        def computed(block):
+            parts.append(len(block))
+            return block
+
+        voxels = dask.array.from_array(values, chunks=(1, -1, -1, -1)).map_blocks(
+            computed, dtype=values.dtype, meta=values[:0]
+        )
+    write_stack(tmp_path / f"s{suffix}", voxels, None, progress=shares.append)
+    np.testing.assert_array_equal(read(tmp_path / f"s{suffix}")[0], values)
+    assert shares == [16 / 35, 32 / 35, 1]
+    assert sum(parts) == (35 if lazy else 0)  # each of them once
+
+
+@pytest.mark.parametrize("channels", [0, 9])
+@pytest.mark.parametrize("spacing", [None, SPACING])
+def test_a_zarr_says_what_its_axes_are(tmp_path, channels, spacing):
+    from toposeam_cli.media.stacks.writing import write_stack
+
+    voxels = uneven(channels=channels)
+    write_stack(tmp_path / "s.zarr", voxels, spacing)
+    group = zarr.open_group(str(tmp_path / "s.zarr"), mode="r")
+    (image,) = group.attrs["multiscales"]
+    space = [{"name": name, "type": "space", "unit": "micrometer"} for name in "zyx"]
+    assert image["axes"] == space + [{"name": "c", "type": "channel"}] * bool(channels)
+    (dataset,) = image["datasets"]
+    scale = [*(spacing or (1, 1, 1)), *[1] * bool(channels)]
+    assert dataset["coordinateTransformations"] == [{"type": "scale", "scale": scale}]
+    np.testing.assert_array_equal(group[dataset["path"]][:], voxels)
+
+
+def test_a_zarr_needs_its_package_and_a_folder(tmp_path, monkeypatch):
+    from toposeam.errors import MissingPackageError
+    from toposeam_cli.media.stacks.writing import check_stack_output
+
+    with pytest.raises(OptionError, match="there is no folder"):
+        check_stack_output(tmp_path / "nowhere" / "s.zarr", force=False)
+    monkeypatch.chdir(tmp_path)
+    check_stack_output(tmp_path / "s.zarr", force=False)
+    for missing in ("zarr", "tifffile"):
+        monkeypatch.setitem(sys.modules, missing, None)
+    for name, package in (("s.zarr", "zarr"), ("s.ome.tif", "tifffile"), ("s.TIFF", "tifffile")):
+        with pytest.raises(MissingPackageError, match=rf"{name} needs {package}; .*: pip install {package}$"):
+            check_stack_output(tmp_path / name, force=False)
+    check_stack_output(tmp_path / "s.NPY", force=False)  # needs nothing
+
+
+def test_what_a_package_is_called_when_it_is_missing(monkeypatch, tmp_path):
+    from toposeam.errors import MissingPackageError
+    from toposeam_cli.media.stacks.parts import needs
+
+    monkeypatch.setitem(sys.modules, "dask.array", None)
+    with pytest.raises(MissingPackageError, match=r"s.tif needs dask; .*: pip install 'dask\[array\]'$"):
+        needs("dask.array", tmp_path / "s.tif")
+    assert needs("dask", tmp_path / "s.tif").__name__ == "dask"
+
+
+@pytest.mark.parametrize(
+    ("axes", "shape", "kept"),
+    [
+        ("ZYX", (3, 5, 7), "ZYX"),
+        ("YXZ", (5, 7, 3), "YXZ"),
+        ("XZY", (7, 3, 5), "XZY"),
+        ("IYX", (3, 5, 7), "IYX"),
+        ("QYX", (3, 5, 7), "QYX"),
+        ("TYX", (3, 5, 7), "TYX"),
+        ("TZCYX", (1, 3, 1, 5, 7), "ZYX"),
+        ("TZYXQ", (1, 3, 5, 7, 1), "ZYX"),
+        ("CZYX", (2, 3, 5, 7), "CZYX"),
+        ("ZYXS", (3, 5, 7, 2), "ZYXS"),
+        ("CTYZX", (2, 1, 5, 3, 7), "CYZX"),
+    ],
+)
+def test_axes_in_any_order_become_slices_rows_columns(tmp_path, axes, shape, kept):
+    from toposeam_cli.media.stacks.parts import Mapped, ordered
+
+    values = np.arange(np.prod(shape), dtype=np.uint16).reshape(shape)
+    np.save(tmp_path / "s.npy", values)
+    depth = next(axis for axis in "ZIQT" if axis in kept)
+    channel = "".join(axis for axis in kept if axis in "CS")
+    expected = np.einsum(f"{axes.lower()}->{(depth + 'YX' + channel).lower()}", values)
+    given = Mapped(tmp_path / "s.npy", lambda: np.load(tmp_path / "s.npy", mmap_mode="r"))
+    for voxels in (values, given):
+        found = ordered(voxels, axes, list(kept), tmp_path)
+        assert (found.shape, found.dtype, found.ndim) == (expected.shape, np.uint16, expected.ndim)
+        np.testing.assert_array_equal(found[1:, 2:4], expected[1:, 2:4])
+        np.testing.assert_array_equal(np.asarray(found, float), expected)
+
+
+@pytest.mark.parametrize("axes", ["YX", "TZYX", "ZCSYX", "CYX", "ZCY", "ZXC", "ZIYX"])
+def test_axes_that_make_no_stack_are_named(tmp_path, axes):
+    from toposeam.errors import ImageError
+    from toposeam_cli.media.stacks.parts import ordered
+
+    with pytest.raises(ImageError, match=f"has axes {axes}; give one stack"):
+        ordered(np.zeros([2] * len(axes)), axes, list(axes), tmp_path)
+
+
+def test_parts_of_a_stack_that_were_read_are_copies(tmp_path):
+    from toposeam_cli.media.stacks.parts import Mapped
+
+    values = uneven()
+    voxels = Mapped(tmp_path, lambda: values)
+    voxels[2:3][...] = 0
+    assert values[2:3].any()
+
+
+def test_as_many_voxels_as_are_allowed_are_read(tmp_path):
+    from toposeam.errors import ImageError
+    from toposeam_cli.media.stacks.reading import read_stack
+
+    np.save(tmp_path / "s.npy", uneven(depth=3))
+    assert read_stack(tmp_path / "s.npy", most=3 * 4 * 7).size == (3, 4, 7)
+    with pytest.raises(ImageError, match="has 3×4×7 voxels, more than the 83 allowed"):
+        read_stack(tmp_path / "s.npy", most=3 * 4 * 7 - 1)
+
+
+def test_whatever_a_reader_raises_is_one_short_sentence(tmp_path):
+    from toposeam.errors import ImageError
+    from toposeam_cli.media.stacks.parts import damage_told
+
+    for error in (MemoryError(), OptionError("it is told already")):
+        with pytest.raises(type(error)) as caught, damage_told(tmp_path / "s.tif"):
+            raise error
+        assert caught.value is error
+    for error, reason in (
+        (ValueError("two\n  lines "), "two lines"),
+        (KeyError(), "KeyError"),
+        (ValueError("x" * 300), "x" * 120),
+    ):
+        told = rf"s\.tif cannot be read as a stack \({reason}\): it is damaged"
+        with pytest.raises(ImageError, match=told), damage_told(tmp_path / "s.tif"):
+            raise error

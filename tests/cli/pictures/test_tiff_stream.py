@@ -75,3 +75,67 @@ def test_rows_that_are_to_come_are_waited_for_or_given_up(tmp_path):
     coming.give_up()
     with pytest.raises(EOFError):
         pixels[:20, :]
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+@pytest.mark.parametrize("shape", [(16, 5), (17, 5, 3), (49, 6), (33, 7, 3)])
+def test_what_the_directory_says_is_so(shape, dtype):
+    values = noise(shape, dtype)
+    stream = TiffStream(Held(values))
+    with tifffile.TiffFile(stream) as file:
+        assert len(file.pages) == 1
+        page = file.pages[0]
+        assert page.photometric.name == ("RGB" if len(shape) == 3 else "MINISBLACK")
+        assert page.samplesperpixel == (3 if len(shape) == 3 else 1)
+        assert page.compression == 1
+        offsets, counts = page.dataoffsets, page.databytecounts
+        line = values[0].nbytes
+        assert list(counts) == [
+            len(values[at : at + page.rowsperstrip]) * line for at in range(0, shape[0], 16)
+        ]
+        assert list(np.diff(offsets)) == list(counts[:-1])
+        # Nothing stands between the directory and the pixels, or behind these.
+        assert offsets[0] + values.nbytes == stream.seek(0, 2)
+        ends = [
+            tag.valueoffset + tag.count * {3: 2, 4: 4, 16: 8}[tag.dtype]
+            for tag in page.tags.values()
+            if tag.valueoffset > page.offset + len(page.tags) * 20
+        ]
+    assert max(ends, default=offsets[0]) == offsets[0]
+
+
+def test_the_stream_is_read_and_sought_as_files_are():
+    values = noise((40, 5), np.uint16)
+    stream = TiffStream(Held(values))
+    assert (stream.readable(), stream.seekable(), stream.writable()) == (True, True, False)
+    whole = stream.readall()
+    assert whole[-values.nbytes :] == values.tobytes()
+    assert stream.seek(-5) == 0  # there is nothing before
+    assert stream.seek(7) == 7
+    assert stream.seek(3, 1) == 10
+    buffer = bytearray(b"x" * 40)
+    stream.seek(-30, 2)
+    assert stream.readinto(buffer) == 30
+    assert bytes(buffer) == whole[-30:] + b"x" * 10
+    assert stream.tell() == len(whole)
+    assert stream.readinto(buffer) == 0
+
+
+def test_strips_are_made_once_in_a_row_and_in_little_endian():
+    class Counted(Held):
+        asked = ()
+
+        def read(self, rows, columns):
+            self.asked += ((rows, columns),)
+            return super().read(rows, columns)
+
+    values = noise((40, 5, 3), np.uint16).astype(">u2")
+    pixels = Counted(values)
+    stream = TiffStream(pixels)
+    begin = stream.seek(0, 2) - values.nbytes
+    stream.seek(0)
+    assert stream.read(begin)
+    assert not pixels.asked
+    found = b"".join(iter(lambda: stream.read(77), b""))
+    assert found == values.astype("<u2").tobytes()
+    assert pixels.asked == tuple((slice(*rows), slice(0, 5)) for rows in ((0, 16), (16, 32), (32, 40)))

@@ -114,8 +114,10 @@ def _write_tiff(
 ) -> None:
     tifffile = needs("tifffile", path)
     flat = voxels.ndim == 3
-    size = int(np.prod(voxels.shape)) * voxels.dtype.itemsize
-    imagej = not ome and size < _IMAGEJ_BYTES and voxels.dtype.str[1:] in ("u1", "u2", "f4")
+    # Readers of either kind know no floats of 16 bits.
+    dtype = np.dtype(np.float32) if voxels.dtype == np.float16 else voxels.dtype
+    size = int(np.prod(voxels.shape)) * dtype.itemsize
+    imagej = not ome and size < _IMAGEJ_BYTES and dtype.str[1:] in ("u1", "u2", "f4")
     metadata: dict[str, Any] = {"axes": "ZYX" if flat else "ZCYX"}
     options: dict[str, Any] = {}
     if spacing is not None and imagej:
@@ -129,14 +131,14 @@ def _write_tiff(
 
     def pages() -> Iterator[np.ndarray]:
         for slab in _slabs(voxels, progress):
-            for plane in slab:
+            for plane in slab.astype(dtype, copy=False):
                 yield from [plane] if flat else np.moveaxis(plane, -1, 0)
 
     tifffile.imwrite(
         path,
         pages(),
         shape=shape,
-        dtype=voxels.dtype,
+        dtype=dtype,
         photometric="minisblack",
         metadata=metadata,
         **options,

@@ -236,9 +236,9 @@ def test_walls_that_multigrid_does_not_get_round_are_eliminated(monkeypatch):
 
 @pytest.mark.medium
 def test_a_long_line_is_drawn_taut_between_some_of_its_points():
-    steps = np.repeat([[[3, 0], [0, 3]]], 130, axis=0).reshape(-1, 2)
-    line = np.repeat(np.sign(steps), 3, axis=0).cumsum(axis=0) + 0.5  # 780 points of a stair
-    cost = np.ones((392, 392))
+    steps = np.repeat([[[3, 0], [0, 3]]], 90, axis=0).reshape(-1, 2)
+    line = np.repeat(np.sign(steps), 3, axis=0).cumsum(axis=0) + 0.5  # 540 points of a stair
+    cost = np.ones((272, 272))
     assert cost_along(taut(line, cost), cost) == pytest.approx(np.hypot(*(line[-1] - line[0])))
     cost[:] = np.inf
     cost[line[:, 1].astype(int), line[:, 0].astype(int)] = 1  # the stair is all there is

@@ -123,8 +123,8 @@ def _along(ways: Sequence[Ints | Floats], level: Floats, scale: int, wide: int) 
 
 
 def shortest_ways(cost: Floats, sources: list[Cell], sinks: list[Cell]) -> list[Ints]:
-    """(n, 2) rows and columns from every source to the sink that is nearest along the grid, from pixel to
-    pixel over their sides, never between two obstacles that touch at a corner.
+    """(n, 2) rows and columns of the pixels between every source and the sink that is nearest along the grid,
+    in either direction, over their sides, never between two obstacles that touch at a corner.
     """
     from skimage.graph import MCP_Geometric
 

@@ -61,6 +61,11 @@ _CALLS = {
 }
 
 
+#: Guards of what is true anyway, and options of dataclasses: test_house.py checks that these are frozen, and
+#: compared by identity where they hold arrays.
+_DECLARED = ("strict", "slots", "frozen", "eq", "kw_only", "repr")
+
+
 @dataclass(frozen=True, slots=True)
 class Mutation:
     """One changed expression."""
@@ -180,7 +185,7 @@ def _says_only(node: ast.AST) -> bool:
         and node.func.attr in ("option", "argument", "command", "echo")
     ):
         return True
-    if isinstance(node, ast.keyword) and node.arg in ("strict", "slots"):  # guards of what is true anyway
+    if isinstance(node, ast.keyword) and node.arg in _DECLARED:
         return True
     return isinstance(node, ast.arg | ast.Import | ast.ImportFrom)
 

@@ -339,17 +339,31 @@ def test_a_class_is_no_longer_than_a_reader_holds():
     assert long == LONG_CLASSES
 
 
-def test_what_core_gives_away_cannot_be_changed():
-    """Every dataclass of core that has a public name is frozen."""
-    loose = []
-    for path in (HERE / "core").rglob("*.py"):
+#: Annotations of arrays.
+ARRAYS = ("NDArray", ": Floats", ": Mask")
+
+
+def test_dataclasses_are_frozen_and_arrays_not_compared():
+    """All that core defines for others are frozen; those that hold arrays compare by identity, as `==` of
+    arrays is no truth value. Mutations of these options are left out, as this test notices them.
+    """
+    loose, compared = [], []
+    for path in [*(HERE / "core").rglob("*.py"), *(HERE / "cli").rglob("*.py")]:
         for node in ast.walk(parsed(path)):
-            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
-                for decorator in node.decorator_list:
-                    words = ast.unparse(decorator)
-                    if words.startswith("dataclass") and "frozen=True" not in words:
-                        loose.append(f"{path.name}: {node.name}")
+            words = [ast.unparse(each) for each in getattr(node, "decorator_list", ())]
+            made = next(
+                (each for each in words if each.startswith(("dataclass", "dataclasses.dataclass"))), None
+            )
+            if made is None:
+                continue
+            if "frozen=True" not in made and "core" in path.parts and not node.name.startswith("_"):
+                loose.append(f"{path.name}: {node.name}")
+            fields = [ast.unparse(each) for each in node.body if isinstance(each, ast.AnnAssign)]
+            arrays = [each for each in fields if any(word in each for word in ARRAYS)]
+            if "eq=False" not in made and any("compare=False" not in each for each in arrays):
+                compared.append(f"{path.name}: {node.name}")
     assert not loose
+    assert not compared
 
 
 def test_names_of_tests_are_short():

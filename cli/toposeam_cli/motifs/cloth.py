@@ -26,7 +26,7 @@ _LIGHT = np.array([-0.42, -0.50, 0.757])
 _DARKEST, _BRIGHTEST = 0.42, 1.22
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Piece:
     """One piece of a product."""
 

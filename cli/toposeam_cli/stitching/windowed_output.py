@@ -77,7 +77,7 @@ class _Files:
     drawn: tuple[Path, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Window:
     """A window of the canvas that is to be computed into files."""
 
@@ -91,7 +91,7 @@ class _Window:
     background: str | None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class _Painted:
     """Facts about a painted window."""
 

@@ -35,7 +35,7 @@ _LARGEST, _PASSES = 1.0, 6
 _SMOOTH = 0.25
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Line:
     """The rows near one line, what shares of the means before and after they should have, and whose; and how
     fully they get it in wash.

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import scipy
-from scipy.sparse import csr_array
 
 from toposeam.errors import OptionError
 from toposeam.images import Mask, check_values, full_scale, in_dtype
@@ -19,8 +18,6 @@ from toposeam.layers.canvas.transforms import Floats, Transform, is_move, reach
 #: Side of the blocks, px; beyond a block's own pixels a spline needs so many (its coefficients fall to a
 #: thousandth over five).
 _BLOCK, _MARGIN = 256, 12
-#: Points whose weights are held at a time.
-_POINTS = 1 << 12
 #: Coordinates are computed at every so many px and between them linearly.
 _STEP = 8
 
@@ -150,61 +147,22 @@ def resampled(planes: npt.NDArray[Any], white: float, points: Floats) -> npt.NDA
     points : (M, 2) float array
         At least one.
     """
-    height, width = planes.shape[:2]
-    left, top = np.floor(points.min(axis=0)).astype(int) - _MARGIN
-    right, bottom = np.floor(points.max(axis=0)).astype(int) + _MARGIN + 1
-    part = planes[max(top, 0) : bottom, max(left, 0) : right].astype(np.float32)
-    beyond = (max(-top, 0), max(bottom - height, 0)), (max(-left, 0), max(right - width, 0)), (0, 0)
-    if any(map(any, beyond)):
-        part = np.pad(part, beyond, mode="reflect")
-    values = _splined(part, points - [left, top])
+    low = np.maximum(np.floor(points.min(axis=0)).astype(int) - _MARGIN, 0)
+    high = np.ceil(points.max(axis=0)).astype(int) + _MARGIN + 1
+    part = planes[low[1] : high[1], low[0] : high[0]].astype(np.float32)
+    where = (points - low)[:, ::-1].T
+    values = np.stack(
+        [
+            scipy.ndimage.map_coordinates(part[..., channel], where, order=3, mode="mirror")
+            for channel in range(part.shape[2])
+        ],
+        axis=-1,
+    )
     if planes.dtype.kind == "b":
         return np.asarray(values > 0.5)
     if np.issubdtype(planes.dtype, np.integer):
         values = np.clip(values, 0, white)
     return in_dtype(values, planes.dtype)
-
-
-def _splined(planes: npt.NDArray[np.float32], points: Floats) -> npt.NDArray[np.float32]:
-    """(M, C) values of the cubic spline through (h, w, C) planes at (M, 2) points x and y, some pixels from
-    the border.
-
-    The value at a point is a sum of 4 × 4 coefficients, with the same weights in all channels; those of many
-    points are a sparse matrix. ``benchmarks/warping.py`` has scipy.ndimage.map_coordinates beside it.
-    """
-    height, width, channels = planes.shape
-    coefficients = [
-        scipy.ndimage.spline_filter(planes[..., channel], 3, np.float32, mode="mirror").ravel()
-        for channel in range(channels)
-    ]
-    result = np.empty((len(points), channels), np.float32)
-    taps = (np.arange(4, dtype=np.int32)[:, np.newaxis] * width + np.arange(4, dtype=np.int32)).ravel()
-    for start in range(0, len(points), _POINTS):
-        whole = np.floor(points[start : start + _POINTS])
-        weights = _cubic_weights((points[start : start + _POINTS] - whole).astype(np.float32))
-        x, y = whole.T.astype(np.int32) - 1
-        size = len(x)
-        matrix = csr_array(
-            (
-                np.einsum("mi,mj->mij", weights[:, 1], weights[:, 0]).ravel(),
-                ((x + y * np.int32(width))[:, np.newaxis] + taps).ravel(),
-                np.arange(0, 16 * size + 1, 16, dtype=np.int32),
-            ),
-            shape=(size, height * width),
-        )
-        for channel, values in enumerate(coefficients):
-            result[start : start + size, channel] = matrix @ values
-    return result
-
-
-def _cubic_weights(fraction: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-    """(..., 4) values of the cubic B-spline at distances 1 + t, t, 1 - t, 2 - t."""
-    rest = 1 - fraction
-    weights = np.empty((*fraction.shape, 4), np.float32)
-    weights[..., 0], weights[..., 3] = rest * rest * rest / 6, fraction * fraction * fraction / 6
-    for column, t in ((1, fraction), (2, rest)):
-        weights[..., column] = (t * t * (t - 2)) / 2 + np.float32(2 / 3)
-    return weights
 
 
 def interpolated(plane: npt.NDArray[Any], points: Floats) -> npt.NDArray[np.float32]:

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from rendered import grid, turn
-from scipy import ndimage
 
 import toposeam as ts
 from toposeam.layers.canvas import (
@@ -13,7 +12,6 @@ from toposeam.layers.canvas import (
     coordinates,
     inside,
     on_canvas,
-    resampled,
     similarity,
     warped,
     warped_box,
@@ -54,24 +52,6 @@ def places(layer):
     """(H, W, 2) places on the canvas of the pixels of a layer."""
     height, width = layer.image.shape[:2]
     return np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1) + np.array(layer.at, float)
-
-
-@pytest.mark.parametrize("shape", [(31, 44, 3), (9, 5, 1), (1, 12, 2), (40, 1, 1), (90, 120, 4)])
-def test_resampling_is_the_cubic_spline_mirrored_at_the_border(shape):
-    rng = np.random.default_rng(6)
-    picture = rng.normal(size=shape).astype(np.float32)
-    low, high = np.zeros(2), np.array(shape[1::-1]) - 1.0
-    corners = np.stack(np.meshgrid(*zip(low, high, strict=True)), axis=-1).reshape(-1, 2)
-    points = np.concatenate(
-        [corners, np.round(rng.uniform(low, high, (9, 2))), rng.uniform(low, high, (6000, 2))]
-    )
-    expected = [
-        ndimage.map_coordinates(plane, points.T[::-1], order=3) for plane in np.moveaxis(picture, -1, 0)
-    ]
-    assert resampled(picture, 1.0, points) == pytest.approx(np.stack(expected, axis=-1), abs=1e-5)
-    part = points[5000:5004] * 0.2 + high * 0.5  # what it is taken from is cut out of the picture
-    one = [ndimage.map_coordinates(plane, part.T[::-1], order=3) for plane in np.moveaxis(picture, -1, 0)]
-    assert resampled(picture, 1.0, part) == pytest.approx(np.stack(one, axis=-1), abs=1e-5)
 
 
 @pytest.mark.parametrize("channels", [1, 3])

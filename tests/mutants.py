@@ -56,7 +56,7 @@ COPIED = (
 )
 EQUAL = Path(__file__).with_name("mutants_equal.toml")
 #: Processor time after which no further test is begun for a mutation, and the time after which it hangs.
-BUDGET_S, LIMIT_S = 12, 600
+BUDGET_S, LIMIT_S = 30, 600
 #: What most tests load.
 PRELOADED = (
     *("numpy", "numpy.testing", "scipy.ndimage", "scipy.sparse.linalg", "scipy.sparse.csgraph", "scipy.fft"),

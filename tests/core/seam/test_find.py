@@ -9,6 +9,7 @@ import pytest
 from shapes import SHAPES
 
 import toposeam as ts
+from toposeam.seam.cut_solver import CutSolver
 from toposeam.seam.dynamic_programming import _cheapest_crossings
 
 ROBUST = ("auto", "heat", "shortest-path", "graph-cut")
@@ -296,3 +297,14 @@ def test_identical_patches_take_the_shortest_way():
     seam = ts.find_seam(a, a)
     assert seam.paths[0].length == 30
     assert seam.optimum_ratio() == pytest.approx(1.0)
+
+
+def test_network_cuts_take_options_of_methods_that_cut_them():
+    given = {"tolerance": 0.25, "max_iterations": 7}
+    for method in ("heat", "auto"):
+        options = CutSolver.of(method, given).options
+        assert (options.tolerance, options.max_iterations) == (0.25, 7)
+    # Others leave networks to `auto`, whose heat knows none of their options.
+    other = CutSolver.of("thesis", {"q_threshold": 0.5})
+    assert (other.method, other.options) == ("auto", ts.seam.HeatOptions())
+    assert CutSolver.of("graph-cut", {}).options is None

@@ -44,11 +44,11 @@ def junctions(label_map: LabelMap, reach: int) -> list[Box]:
     return boxes
 
 
-def beside_steps(values: np.ndarray, step: float) -> Mask:
-    """Pixels one of whose neighbours differs by more than a step."""
+def beside_steps(values: np.ndarray) -> Mask:
+    """Pixels one of whose neighbours differs."""
     result = np.zeros(values.shape, bool)
     for s, t in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
-        differs = values[s] != values[t] if step == 0 else np.abs(values[s] - values[t]) > step
+        differs = values[s] != values[t]
         result[s] |= differs
         result[t] |= differs
     return result

@@ -130,7 +130,7 @@ def beside_seams(label_map: LabelMap, reach: int = 0) -> Mask:
     canvas = Box(0, 0, *label_map.shape)
     chosen: Mask = new_map(canvas.shape, False, bool)
     for block in several(label_map, canvas):
-        chosen[block.slices] = chosen[block.slices] | beside_steps(label_map[block.slices], 0)
+        chosen[block.slices] = chosen[block.slices] | beside_steps(label_map[block.slices])
     if not reach:
         return chosen
     wide: Mask = new_map(canvas.shape, False, bool)

@@ -96,3 +96,11 @@ def test_any_window_of_a_tiled_map_is_what_an_array_has_there():
         y, x = rng.integers(0, 500), rng.integers(0, 700)
         for seen in (np.s_[y : y + 200, x : x + 300], np.s_[y:y, x:], np.s_[:, :]):
             np.testing.assert_array_equal(tiled[seen], array[seen])
+
+
+@pytest.mark.parametrize("shape", [(128, 256), (129, 385), (70, 90)])
+def test_a_map_written_whole_keeps_one_value_if_all_are_alike(shape):
+    tiled, plain = TileMap(shape, 0, np.int16), TileMap(shape, 5, np.int16)
+    tiled[:, :] = np.full(shape, 5)
+    assert uniform(tiled, Box(0, 0, *shape)) == 5
+    assert tiled.nbytes == plain.nbytes  # at borders that end within tiles too

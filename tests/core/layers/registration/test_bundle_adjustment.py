@@ -136,6 +136,16 @@ def test_what_is_said_of_the_camera_is_taken():
     assert 390 < about.focal < 425
 
 
+def test_a_fixed_focal_length_is_that_of_zoomed_pictures_too():
+    views = around(FOCAL, ROWS[:3], SIZE)
+    views[1] = dataclasses.replace(views[1], focal=1.5 * FOCAL)
+    matches = matches_of(views)
+    fixed = adjust_cameras(sizes_of(views), matches, focal=FOCAL, fixed=True, distortion=0.0)
+    np.testing.assert_allclose(fixed.focals, FOCAL, rtol=1e-9)
+    about = adjust_cameras(sizes_of(views), matches, focal=FOCAL, distortion=0.0)
+    np.testing.assert_allclose(about.focals / about.focals[0], [1, 1.5, 1], rtol=0.03)
+
+
 @pytest.mark.medium
 def test_a_bundle_is_a_start_for_the_next_one():
     views = around(FOCAL, ROWS, SIZE, -0.03)

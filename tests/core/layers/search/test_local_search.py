@@ -157,6 +157,16 @@ def test_a_pile_whose_best_seams_few_starts_lead_to(seed):
     assert ts.stitch(layers).cost <= 1.02 * min(ends)
 
 
+def test_a_search_from_a_few_pixels_on_ends_about_as_cheap():
+    labelling = labelling_of(pile(3, alike=True), ts.seam.MatchCost(law="gradient"))
+    totals = []
+    for coarsest in (1 << 16, 300, 100):  # one size, three and four
+        problem = problem_of(labelling, SearchOptions(coarsest=coarsest, shortest=4))
+        found, _ = minimise(problem, range(len(labelling.places)), 20, False)
+        totals.append(labelling.total(found, labelling.canvas))
+    assert max(totals) <= 1.05 * totals[0]
+
+
 @pytest.mark.medium
 @pytest.mark.parametrize("method", ["heat", "graph-cut", "shortest-path"])
 def test_every_method_that_knows_networks_ends_at_the_same_cost(method):
@@ -360,13 +370,12 @@ def test_a_given_seam_of_one_pair_is_kept_and_others_are_found():
         ts.stitch(layers, use_path={(0, 3): ts.vector.read_svg(svg)})
 
 
-@pytest.mark.parametrize(("step", "columns"), [(0, [1, 2, 3, 4]), (1, [3, 4])])
-def test_beside_steps_marks_both_pixels_of_a_differing_pair(step, columns):
+def test_beside_steps_marks_both_pixels_of_a_differing_pair():
     values = np.tile(np.array([5, 5, 6, 6, 9, 9], np.int16), (3, 1))
     for turned in (False, True):
-        found = beside_steps(values.T if turned else values, step)
-        assert np.flatnonzero(found.all(axis=1 if turned else 0)).tolist() == columns
-        assert found.sum() == 3 * len(columns)
+        found = beside_steps(values.T if turned else values)
+        assert np.flatnonzero(found.all(axis=1 if turned else 0)).tolist() == [1, 2, 3, 4]
+        assert found.sum() == 3 * 4
 
 
 def test_potentials_are_gathered_at_every_seam_on_request():

@@ -66,6 +66,13 @@ def test_all_methods_give_pixels_to_the_patch_of_lower_cost(tied):
         np.testing.assert_array_equal(labels[1:3, 2:4], expected[1:3, 2:4])
 
 
+def test_costs_beside_other_layers_add_to_those_of_a_cut(tied):
+    # To show a costs as much as to be divided from what shows b, and the other way round.
+    alone = dataclasses.replace(tied, showing_a=None, showing_b=None)
+    np.testing.assert_array_equal(tied.grid.hot - alone.grid.hot, tied.showing_a)
+    np.testing.assert_array_equal(tied.grid.cold - alone.grid.cold, tied.showing_b)
+
+
 def test_only_pixels_that_pay_beside_other_layers_are_tied(tied):
     paying = np.zeros_like(tied.showing_a)
     paying[1, 2] = 3

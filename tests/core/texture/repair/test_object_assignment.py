@@ -124,18 +124,19 @@ def test_discs_cut_by_the_sample_border_are_not_whole_objects(flat):
     assert np.mean(np.abs(np.array(sizes) / full[1:].mean() - 1) < 0.1) > 0.95
 
 
-def test_a_cut_object_is_completed_if_half_of_it_is_due():
-    image, _, (middle, *_) = discs()
+@pytest.mark.parametrize(("more", "there"), [(-0.25, 0), (0.25, 1)])
+def test_a_cut_object_is_completed_if_half_of_it_is_due(more, there):
+    image, objects, (middle, *_) = discs()
     placer = placer_on(image, np.arange(image.size).reshape(image.shape))
     bare = placer.patch(tuple(placer.atlas.corners[0]), (8, 17))
     placer.canvas.paint(*(middle - 8).tolist(), bare, np.ones(bare.shape, bool))
     exchange = Exchange(placer, (40, 40), Crew(1, placer, lambda: None), MANY)
     (key,) = [key for key, count in exchange._shown.items() if count < exchange._objects.room(key)]
     # What is shown now, and half of what there is room for.
-    half = exchange._objects.room(key) / 2 - exchange._shown[key]
-    for more, becomes in (half - 0.25, GROUND), (half + 0.25, MENDED):
-        exchange._due = exchange._now + more
-        assert exchange._mending(key) == ToReplace(key, becomes)
+    half = exchange._now - exchange._shown[key] + exchange._objects.room(key) / 2
+    exchange._due = half + more
+    exchange.run()
+    assert shown(placer, objects)[tuple(middle)] == there
 
 
 def test_a_patch_that_continues_shows_where_nothing_is():

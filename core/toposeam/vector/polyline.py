@@ -146,7 +146,7 @@ class Polyline:
         [[0.0, 0.0], [2.0, 2.0]]
         """
         check_range(0, tolerance=tolerance)
-        if len(self.points) < 3 + self.closed:
+        if len(self.points) < 3:
             return self
         from skimage.measure import approximate_polygon
 

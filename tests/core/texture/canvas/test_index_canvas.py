@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import ndimage
 
-from toposeam.texture.canvas import IndexCanvas
+from toposeam.texture.canvas import IndexCanvas, PlaceGrid
 
 
 def _copy(row, column, shape=(6, 6), width=40):
@@ -56,3 +56,11 @@ def test_windows_beyond_the_border_show_nothing_there():
     assert (beyond[0] == -1).all()
     assert (beyond[1:, 5:] == canvas.index[:7, 2:5]).all()
     assert ndimage.label(inside >= 0)[1] == 1
+
+
+def test_places_are_sampled_where_they_lie_and_beside():
+    places = PlaceGrid((0, 0), (4, 4), 6, 3, (3, 5), ((0, 4), (0, 4)))
+    values = np.arange(100, dtype=np.float32).reshape(10, 10)
+    np.testing.assert_array_equal(places.from_blocks(values, 2), values[np.ix_([3, 4, 6], [3, 4, 6, 7, 9])])
+    found = places.from_blocks(values, 2, (3, 1))
+    np.testing.assert_array_equal(found, values[np.ix_([4, 6, 7], [3, 5, 6, 8, 9])])  # none lies beyond

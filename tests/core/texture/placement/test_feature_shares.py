@@ -45,6 +45,16 @@ def test_an_overused_kind_is_dearer_wherever_it_occurs():
     assert found[-1, 0] == pytest.approx(found[0, 0], rel=0.05)
 
 
+def test_first_patches_count_as_little_as_if_a_quarter_showed():
+    atlas, kinds = halves()
+    usage = np.zeros(atlas.usable.shape, np.int32)
+    m = atlas.margin
+    usage[m : m + SIDE // 2, m : m + SIDE // 2] = 1  # as many as a quarter of the exemplar
+    few, many = (np.log(dearer(atlas, kinds, number * usage, variety=0.01)) for number in (1, 10_000))
+    assert few.max() > 0.05
+    np.testing.assert_allclose(few, many / 2, atol=2e-3)
+
+
 def test_a_patch_price_averages_its_kinds_scaled_by_variety():
     atlas, kinds = halves()
     usage = np.zeros(atlas.usable.shape, np.int32)

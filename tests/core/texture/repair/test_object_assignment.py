@@ -124,6 +124,33 @@ def test_discs_cut_by_the_sample_border_are_not_whole_objects(flat):
     assert np.mean(np.abs(np.array(sizes) / full[1:].mean() - 1) < 0.1) > 0.95
 
 
+@pytest.mark.parametrize(("more", "there"), [(-0.25, 0), (0.25, 1)])
+def test_a_cut_object_is_completed_if_half_of_it_is_due(more, there):
+    image, objects, (middle, *_) = discs()
+    placer = placer_on(image, np.arange(image.size).reshape(image.shape))
+    bare = placer.patch(tuple(placer.atlas.corners[0]), (8, 17))
+    placer.canvas.paint(*(middle - 8).tolist(), bare, np.ones(bare.shape, bool))
+    exchange = Exchange(placer, (40, 40), Crew(1, placer, lambda: None), MANY)
+    (key,) = [key for key, count in exchange._shown.items() if count < exchange._objects.room(key)]
+    # What is shown now, and half of what there is room for.
+    half = exchange._now - exchange._shown[key] + exchange._objects.room(key) / 2
+    exchange._due = half + more
+    exchange.run()
+    assert shown(placer, objects)[tuple(middle)] == there
+
+
+def test_a_patch_that_continues_shows_where_nothing_is():
+    image, _, _ = discs()
+    placer = placer_on(image, np.arange(image.size).reshape(image.shape))
+    source = placer.patch(tuple(placer.atlas.corners[0] + 30), (12, 14))
+    before = placer.canvas.read(29, 29, 14, 16)
+    before[4:9, 5:] = -1
+    covers = np.ones(source.shape, bool)
+    covers[:5] = False
+    shows = placer.cut(before, source, covers)
+    np.testing.assert_array_equal(shows, (before[1:-1, 1:-1] < 0) & covers)
+
+
 def test_disjoint_patches_are_cut_together_as_singly():
     image, _, _ = discs()
     placer = placer_on(image, np.arange(image.size).reshape(image.shape))

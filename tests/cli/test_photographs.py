@@ -853,6 +853,10 @@ def test_points_are_read_from_a_table(views, toposeam, sole):
     words = "left.png", "right.png", "--points", "points.csv"
     ran = joined(toposeam, *words, "-o", "all.png")
     assert "right.png: found at 40.0,3.0 (by given points)" in ran.out
+    turned = [f"right.png, {x - 40}, {y - 3}, left.png, {x}, {y}" for x, y in points[::2]]
+    Path("points.csv").write_text("\n".join([*lines[:1], *turned, *lines[2::2]]))
+    ran = joined(toposeam, *words, "-o", "all.png", "--force")
+    assert "right.png: found at 40.0,3.0 (by given points)" in ran.out
     for line, phrase in (
         ("left.png,1,2,right.png,3", "line 6 is not picture, x, y, picture, x, y, like left.png,812,340,"),
         ("left.png,1,2,right.png,3,many", "line 6 is not picture"),

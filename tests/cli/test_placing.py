@@ -1,6 +1,7 @@
 """Where pictures come to lie, and what is refused before any work."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import PIL.Image
@@ -305,6 +306,33 @@ def test_pictures_with_too_many_pixels_wait_in_files(unlike, monkeypatch, most, 
         assert all(isinstance(layer.image, np.ndarray) == (not stored) for layer in job.layers)
         np.testing.assert_array_equal(job.layers[1].image[:, :], read_picture(unlike[1]).pixels)
     assert not arrange(unlike, Where(offset=(20, 5)), max_megapixels=1).stored  # there is nowhere to wait
+
+
+class Elsewhere:
+    """Works in another folder, as workers on other machines do."""
+
+    def __init__(self, folder, monkeypatch):
+        self._folder, self._monkeypatch, self.paths = folder, monkeypatch, []
+
+    def map(self, function, items):
+        for item in list(items):
+            self.paths.append(item[0])
+            with self._monkeypatch.context() as there:
+                there.chdir(self._folder)
+                answer = function(item)
+            yield answer
+
+
+@pytest.mark.parametrize("stores", [True, False])
+def test_only_workers_elsewhere_are_told_whole_paths(unlike, tmp_path_factory, monkeypatch, stores):
+    there = unlike[0].parent if not stores else tmp_path_factory.mktemp("there")
+    monkeypatch.setattr(inputs, "STORED_PIXELS", 0)
+    files, executor = [Path("a.png"), Path("b.png")], Elsewhere(there, monkeypatch)
+    with scratch_beside(unlike[0].parent) as scratch:
+        more = {"scratch": scratch, "executor": executor, "stores": stores}
+        job = arrange(files, Where(offset=(20, 5)), max_megapixels=1, **more)
+        np.testing.assert_array_equal(job.layers[1].image[:, :], read_picture(unlike[1]).pixels)
+    assert executor.paths == (unlike if stores else files), "errors name files as they were given"
 
 
 def test_pictures_are_meant_by_their_numbers_or_only_names():

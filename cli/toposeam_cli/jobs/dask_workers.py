@@ -17,7 +17,7 @@ from queue import SimpleQueue
 from typing import Any
 
 from toposeam.errors import MissingPackageError, OptionError
-from toposeam_cli.files.interruption import ctrl_c_later, start_resource_tracker, uninterrupted
+from toposeam_cli.files.interruption import ctrl_c_later, uninterrupted
 from toposeam_cli.files.temporary import private_folder
 from toposeam_cli.jobs.workers import Workers
 
@@ -146,7 +146,6 @@ def dask_workers(address: str, count: int, waiting: int = 0) -> Iterator[Workers
     OptionError
         If there is no cluster at the address.
     """
-    start_resource_tracker()
     try:
         import dask
         import distributed  # noqa: F401 - whether it is there

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from three_pictures import FILES, PLACES, assert_joined
 
+from toposeam_cli.media.layouts.layout import read_layout
 from toposeam_cli.media.pictures.picture import Picture, write_picture
 
 LAYOUT = """
@@ -46,6 +47,19 @@ def test_a_layout_in_toml_and_in_json(three, toposeam):
         )
         assert_joined(f"{kind}.png")
     assert (three / "toml.png").read_bytes() == (three / "json.png").read_bytes()
+
+
+def test_a_layout_of_one_camera_and_a_scan_is_saved(three, toposeam):
+    view = "[view]\nprojection = 'cylinder'\nradius = 80.0"
+    camera = "[[layer]]\nfile = 'a.png'\nsize = [60, 50]\nfocal = 80.0"
+    scan = "[[layer]]\nfile = 'b.png'\nat = [20, 4]"
+    (three / "l.toml").write_text("\n".join([view, camera, scan]))
+    assert toposeam("stitch", "l.toml", "-o", "out.png", "--save-layout", "saved.toml").code == 0
+    saved, given = (
+        [layer.transform for layer in read_layout(three / name).layers] for name in ("saved.toml", "l.toml")
+    )
+    assert (saved[0].radius, saved[0].projection) == (given[0].radius, given[0].projection)
+    np.testing.assert_array_equal(saved[1].matrix, given[1].matrix)
 
 
 LAYOUTS = {

@@ -243,6 +243,21 @@ def test_a_cluster_interrupted_at_its_start_is_closed_silently(monkeypatch):
     assert closed[1:] == ["closed"]
 
 
+def test_a_hangup_spares_what_a_local_cluster_shares(tmp_path):
+    """Every process would complain that the resource tracker died."""
+    (tmp_path / "hangup.py").write_text(
+        "import os, signal\n"
+        "from multiprocessing import resource_tracker\n"
+        "from toposeam_cli.jobs.dask_workers import dask_workers\n"
+        "if __name__ == '__main__':\n"
+        "    with dask_workers('local', 1):\n"
+        "        os.kill(resource_tracker._resource_tracker._pid, signal.SIGHUP)\n"
+    )
+    ran = subprocess.run([sys.executable, "hangup.py"], cwd=tmp_path, capture_output=True, text=True)
+    assert ran.returncode == 0
+    assert "resource_tracker" not in ran.stderr
+
+
 def test_a_local_cluster_keeps_what_it_spills_to_itself(tmp_path, monkeypatch):
     """In a folder that nobody else can open or have made before, gone at the end."""
     trap = tmp_path / "dask-scratch-space"

@@ -11,7 +11,7 @@ from three_pictures import AT, FILES, PLACES, assert_joined, crop, shown
 
 from toposeam.errors import ImageError
 from toposeam_cli.media.pictures.openraster import read_ora
-from toposeam_cli.media.pictures.picture import read_picture
+from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
 
 
 def png(pixels):
@@ -131,6 +131,17 @@ def test_an_openraster_file_keeps_the_layers_and_loses_nothing(three, toposeam):
     assert toposeam("stitch", *FILES, *AT, "-o", "out.ora", "--force").code == 0
     assert (three / "out.ora").read_bytes() == first
     toposeam("stitch", *FILES, *AT, "-o", "out.ora").fails("pass --force")
+
+
+@pytest.mark.parametrize(("width", "shown_width"), [(256, 256), (257, 129)])
+def test_a_thumbnail_has_at_most_256_pixels_a_side(three, toposeam, width, shown_width):
+    words = *FILES[:2], "--at", "0,0", "--at", f"{width - 60},0"
+    for name, size in (("a", width - 40), ("b", 60)):
+        write_picture(three / f"{name}.png", Picture(pixels=np.full((20, size, 3), 90, np.uint8)), force=True)
+    assert toposeam("stitch", *words, "-o", "out.ora").code == 0
+    with zipfile.ZipFile("out.ora") as archive:
+        assert opened(archive, "mergedimage.png").shape[1] == width
+        assert opened(archive, "Thumbnails/thumbnail.png").shape[1] == shown_width
 
 
 def test_layers_of_blended_pictures_add_up_to_the_composite(three, toposeam):

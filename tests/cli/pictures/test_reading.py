@@ -200,6 +200,15 @@ def test_floats_outside_zero_to_one_are_read_but_not_nan(tmp_path):
         assert "NaN or infinite" in fails(read_picture, tmp_path / "bad.tif")
 
 
+def test_opacities_outside_zero_to_one_are_its_ends(tmp_path):
+    values = sample("float32", 4)
+    values[..., 3] = np.linspace(-1, 3, values[..., 3].size, dtype=np.float32).reshape(values.shape[:2])
+    tifffile.imwrite(tmp_path / "in.tif", values, photometric="rgb", extrasamples=["unassalpha"])
+    read = read_picture(tmp_path / "in.tif")
+    np.testing.assert_array_equal(read.alpha, np.clip(values[..., 3], 0, 1))
+    np.testing.assert_array_equal(read.pixels, values[..., :3])
+
+
 @pytest.mark.parametrize("suffix", [".jpg", ".png", ".tif", ".webp"])
 @pytest.mark.parametrize("orientation", range(1, 9))
 def test_exif_orientation_is_applied_once(tmp_path, suffix, orientation):

@@ -61,8 +61,8 @@ _CALLS = {
 }
 
 
-#: Guards of what is true anyway, and options of dataclasses: test_house.py checks that these are frozen, and
-#: compared by identity where they hold arrays.
+#: Guards of what is true anyway, and options of dataclasses: how they are called and shown is no computation,
+#: and test_house.py checks that they are frozen, and compared by identity where they hold arrays.
 _DECLARED = ("strict", "slots", "frozen", "eq", "kw_only", "repr")
 
 

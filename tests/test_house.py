@@ -340,7 +340,7 @@ def test_a_class_is_no_longer_than_a_reader_holds():
 
 
 #: Annotations of arrays.
-ARRAYS = ("NDArray", ": Floats", ": Mask")
+ARRAYS = ("NDArray", "ndarray", ": Floats", ": Ints", ": Complexes", ": Mask")
 
 
 def test_dataclasses_are_frozen_and_arrays_not_compared():

@@ -13,6 +13,8 @@ from toposeam_cli.motifs.book import pdf
 
 #: px of A4 at 300 dpi.
 WIDTH, HEIGHT = 2480, 3508
+#: Colours of headings and of words below pictures.
+INK, SOFT = (0x2B, 0x29, 0x26), (0x7B, 0x75, 0x6C)
 
 
 def row(number, kind=Kind.THICK_CLEAR, season="spring", **others):
@@ -51,8 +53,12 @@ def pages(folder, rows, products=()):
     return [page.image for page in pdf._pages("Discs", folder, rows, rows, products)]
 
 
+def px(*lengths_mm):
+    return [round(length / 25.4 * 300) for length in lengths_mm]
+
+
 def at(page, x_mm, y_mm):
-    return page.getpixel((round(x_mm / 25.4 * 300), round(y_mm / 25.4 * 300)))
+    return page.getpixel(tuple(px(x_mm, y_mm)))
 
 
 @pytest.mark.medium
@@ -121,10 +127,6 @@ def test_texts_beyond_ascii_take_a_font_that_has_them(monkeypatch):
     assert set(tried) >= set(pdf._FONTS)
 
 
-def px(*lengths_mm):
-    return [round(length / 25.4 * 300) for length in lengths_mm]
-
-
 def box(page, colour):
     """Left, top, right and bottom of all pixels of a colour, as Pillow counts them."""
     rows, columns = np.nonzero((np.asarray(page) == colour).all(axis=2))
@@ -143,7 +145,7 @@ def test_the_words_of_a_pattern_stand_right_below_it(folder):
     (sheet,) = pages(folder, [row(1), row(2)])[2:]
     left, _, right, bottom = box(sheet, (2, 100, 200))
     column = sheet.crop((left - 20, bottom, WIDTH, HEIGHT))
-    label, words = box(column, (0x2B, 0x29, 0x26)), box(column, (0x7B, 0x75, 0x6C))
+    label, words = box(column, INK), box(column, SOFT)
     millimetre = 300 / 25.4
     assert 1 * millimetre <= label[1] <= 2.5 * millimetre
     assert label[3] < words[1] <= 5.5 * millimetre  # one after another
@@ -152,7 +154,7 @@ def test_the_words_of_a_pattern_stand_right_below_it(folder):
         assert 19 <= begin <= 28
         assert end <= right - left + 40
     # The heading is above all of them.
-    heading = box(sheet.crop((0, 0, WIDTH, px(26)[0])), (0x2B, 0x29, 0x26))
+    heading = box(sheet.crop((0, 0, WIDTH, px(26)[0])), INK)
     assert px(16)[0] - 1 <= heading[0] <= px(17)[0]
     assert px(14)[0] <= heading[1] < heading[3] <= px(22)[0]
 
@@ -164,7 +166,7 @@ def test_the_cover_has_seven_by_seven_motifs_to_its_edges(folder):
         number = 1 + round(place * 29 / 48)
         assert at(cover, x + 0.5, y + 0.5) == at(cover, x + 29.4, y + 29.4) == (number, 100, 200)
     assert at(cover, 105, 86.8) == (250, 248, 244)
-    title, words = box(cover, (0x2B, 0x29, 0x26)), box(cover, (0x7B, 0x75, 0x6C))
+    title, words = box(cover, INK), box(cover, SOFT)
     for left, *_ in (title, words):
         assert px(16)[0] - 1 <= left <= px(17.5)[0]
     assert px(34)[0] <= title[1] < title[3] < px(56)[0] <= words[1] < words[3] < px(63)[0]
@@ -200,7 +202,7 @@ def test_four_products_of_a_season_share_a_page(folder):
         x, y = 16 + place % 2 * 92, 34 + place // 2 * 130
         assert box(winter, colour) == px(x, y, x + 86, y + 118)
         below = winter.crop((*px(x, y + 118), *px(x + 86, y + 129)))
-        words = box(below, (0x7B, 0x75, 0x6C))
+        words = box(below, SOFT)
         assert px(2)[0] <= words[1] < words[3] <= px(8)[0]
 
 
@@ -253,8 +255,8 @@ def test_words_grow_with_their_points_and_have_plain_dashes():
         return page.image
 
     np.testing.assert_array_equal(drawn("3–4", 9), drawn("3-4", 9))
-    small, large = (box(drawn("H\nH", size), (0x2B, 0x29, 0x26)) for size in (18, 36))
+    small, large = (box(drawn("H\nH", size), INK) for size in (18, 36))
     assert [small[0] >= px(20)[0], small[1] >= px(30)[0]] == [True, True]
     assert large[3] - large[1] == pytest.approx(2 * (small[3] - small[1]), abs=3)
     # A capital is less high than its size, two lines are more than twice that.
-    assert 0.6 * 75 < box(drawn("H", 18), (0x2B, 0x29, 0x26))[3] - px(30)[0] < 75 < small[3] - px(30)[0]
+    assert 0.6 * 75 < box(drawn("H", 18), INK)[3] - px(30)[0] < 75 < small[3] - px(30)[0]

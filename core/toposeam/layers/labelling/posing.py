@@ -268,12 +268,12 @@ def _cores_of(
         if sum(map(len, runs)) < place.shape[1] and not _lies_in_another(index, places, covered, runs):
             return None
     cover = dense(covered[index])
-    piece, count = (cover.astype(np.int32), 1) if whole else pieces_of(cover)
+    piece = cover.astype(np.int32) if whole else pieces_of(cover)[0]
     size = np.bincount(piece.ravel())
     if core is None:
         inside = _inside_another(index, places, covered, place, piece, size)
     else:
-        inside = np.bincount(piece[_depth(places, covered, place) > 1], minlength=count + 1) == size
+        inside = np.bincount(piece[_depth(places, covered, place) > 1], minlength=len(size)) == size
         inside[0] = False
     if not inside.any():
         return None
@@ -282,7 +282,7 @@ def _cores_of(
     if not middle.any():
         return None
     rows, columns = box_of(middle)
-    piece, _ = pieces_of(middle[rows, columns])
+    piece = pieces_of(middle[rows, columns])[0]
     numbers: npt.NDArray[np.int32] = new_map(piece.shape, 0, np.int32)
     numbers[:, :] = piece
     box = Box(rows.start, columns.start, rows.stop, columns.stop).moved(*place[:2])
@@ -301,7 +301,7 @@ def _lies_in_another(
     """Whether a connected piece of some runs of a layer's columns lies inside another layer."""
     place = places[index]
     for run in runs:
-        piece, _ = pieces_of(dense(covered[index][:, run.start : run.stop]))
+        piece = pieces_of(dense(covered[index][:, run.start : run.stop]))[0]
         size = np.bincount(piece.ravel())
         box = Box(place.top, place.left + run.start, place.bottom, place.left + run.stop)
         if _inside_another(index, places, covered, box, piece, size).any():

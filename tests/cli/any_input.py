@@ -1,5 +1,6 @@
 """What the tests beside this have in common."""
 
+import os
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,7 +20,12 @@ quick = settings(
 )
 
 
-thorough = settings(max_examples=600, deadline=None, suppress_health_check=list(HealthCheck))
+#: The full measure is TOPOSEAM_FUZZ=16.
+thorough = settings(
+    max_examples=150 * int(os.environ.get("TOPOSEAM_FUZZ", "1")),
+    deadline=None,
+    suppress_health_check=list(HealthCheck),
+)
 
 
 @dataclass(frozen=True)

@@ -165,7 +165,7 @@ def test_many_small_pictures(pair, chosen):
 
 
 @pytest.mark.slow
-@settings(thorough, max_examples=200)
+@settings(thorough, max_examples=thorough.max_examples // 3)
 @given(pair=pairs(), formulation=st.sampled_from("12"))
 def test_the_thesis_on_small_pictures(pair, formulation):
     check_stitch(*pair, ["--method=thesis", f"--formulation={formulation}"])

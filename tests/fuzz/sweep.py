@@ -29,7 +29,7 @@ def by_name(known):
     _stitched, seam, motif, _recipe, synthesis = known
     wide = np.random.default_rng(2).random((120, 260))
     volume = np.random.default_rng(3).random((6, 16, 24))
-    crops = [ts.Layer(wide[:, :160], name="left"), ts.Layer(wide[:, 100:], at=(98, 0), name="right")]
+    crops = [ts.Layer(wide[:64, :96], name="left"), ts.Layer(wide[:64, 40:136], at=(38, 0), name="right")]
     layers = [ts.Layer(wide[:16, :24]), ts.Layer(wide[:16, :24], at=(12, 3))]
     joined = ts.stitch(layers)
     path = ts.vector.read_svg(joined.seams[0].to_svg())

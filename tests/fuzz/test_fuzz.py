@@ -61,7 +61,7 @@ def problems(script, seed, count, folder):
 @pytest.mark.timeout(600 * TIMES)
 @pytest.mark.parametrize("seed", range(FIRST, FIRST + 3))
 def test_commands(tmp_path, seed):
-    found, bad = problems("commands.py", seed, 400 * TIMES, tmp_path)
+    found, bad = problems("commands.py", seed, 200 * TIMES, tmp_path)
     assert not bad, bad
     codes = [outcome["code"] for outcome in found]
     assert codes.count(0) > len(codes) / 20, (
@@ -73,7 +73,7 @@ def test_commands(tmp_path, seed):
 @pytest.mark.timeout(600 * TIMES)
 @pytest.mark.parametrize("seed", range(FIRST, FIRST + 2))
 def test_functions(tmp_path, seed):
-    found, bad = problems("functions.py", seed, 550 * TIMES, tmp_path)
+    found, bad = problems("functions.py", seed, 275 * TIMES, tmp_path)
     assert not bad, bad
     codes = [outcome["code"] for outcome in found]
     assert codes.count(0) > len(codes) / 20, (

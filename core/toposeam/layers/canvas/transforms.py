@@ -217,9 +217,12 @@ def undistorted(
     wanted = np.linalg.norm(drawn, axis=-1, keepdims=True) / half
     radius = np.minimum(wanted, 0.95 * farthest)
     for _ in range(_NEWTON_STEPS):
-        slope = 4 * a * radius**3 + 3 * b * radius**2 + 2 * c * radius + 1 - a - b - c
-        radius = radius - (radius * _factor(radius, lens) - wanted) / np.where(slope > 0.05, slope, 0.05)
+        slope = ((4 * a * radius + 3 * b) * radius + 2 * c) * radius + 1 - a - b - c
+        before = radius
+        radius = radius - (radius * _factor(radius, lens) - wanted) / np.maximum(slope, 0.05)
         radius = np.clip(radius, 0, 0.999 * farthest)
+        if np.abs(radius - before).max(initial=0.0) < 1e-14:
+            break
     return np.asarray(drawn * np.where(wanted > 0, radius / np.where(wanted > 0, wanted, 1), 1.0))
 
 

@@ -37,7 +37,13 @@ _SAID, _USUAL = 0.05, 0.6
 _POINTS = 150
 #: A point that is off by so many times its uncertainty counts half as much; first all count.
 _SCALES = (30.0, 2.0)
-_STEPS, _SETTLED = 60, 1e-7
+_STEPS = 60
+#: Steps end where one takes away less than this share of the loss: at the first scale, and at the last.
+_SETTLED = (1e-3, 1e-6)
+#: The curvature of the loss counts at least as this share of a point's weight, at both scales.
+_LEAST_CURVATURE = (1.0, 0.1)
+#: Step of difference quotients.
+_STEP = 1e-6
 #: A distortion counts where it takes away this share of what is left, of a single pair more; larger ones are
 #: no lens.
 _DISTORTION_GAIN, _PAIR_GAIN, _LARGEST_DISTORTION = 0.04, 0.25, 0.2
@@ -188,7 +194,8 @@ class _Problem:
     def matrices(self, unknowns: Floats) -> Floats:
         own = unknowns[2:].reshape(len(self.sizes), -1)
         if self.family == "rotation":
-            turns = scipy.spatial.transform.Rotation.from_rotvec(own[:, :3]).as_matrix()
+            vectors = own[:, :3] * self._per_shift(float(unknowns[0]))
+            turns = scipy.spatial.transform.Rotation.from_rotvec(vectors).as_matrix()
             return np.asarray(turns / _diagonals(self.focals(unknowns))[:, np.newaxis])
         ones = np.ones((len(own), 1))
         return np.asarray(np.concatenate([own, ones], axis=1).reshape(-1, 3, 3) @ self._normal)
@@ -196,6 +203,11 @@ class _Problem:
     def focals(self, unknowns: Floats) -> Floats:
         """(N,) focal lengths of the cameras, px."""
         return np.asarray(np.exp(unknowns[0] + unknowns[5::4]))
+
+    def _per_shift(self, log_focal: float) -> Floats:
+        """(3,) turns, rad, that move what is seen by half of the larger side; 1 about the optical axis."""
+        shift = float(self.sizes.max()) / 2 * math.exp(-log_focal)
+        return np.array([shift, shift, 1.0])
 
     @property
     def _normal(self) -> Floats:
@@ -208,7 +220,8 @@ class _Problem:
         if self.family == "rotation":
             turns = matrices * _diagonals(focals)[:, np.newaxis]
             vectors = scipy.spatial.transform.Rotation.from_matrix(turns).as_rotvec()
-            own = np.append(vectors, np.log(focals / focal)[:, np.newaxis], axis=1)
+            shifts = vectors / self._per_shift(math.log(focal))
+            own = np.append(shifts, np.log(focals / focal)[:, np.newaxis], axis=1)
         else:
             plain = matrices @ np.linalg.inv(self._normal)
             own = (plain / plain[:, 2:, 2:]).reshape(-1, 9)[:, :8]
@@ -243,54 +256,69 @@ class _Problem:
 
     def jacobian(self, unknowns: Floats) -> csr_array:
         """Derivatives of :meth:`residuals` by the free unknowns."""
-        points, each, count = self.points, self.each, len(self.sizes)
-        matrices = self.matrices(unknowns)
-        seen, _, p = self._seen(matrices, float(unknowns[1]))
+        points, each = self.points, self.each
+        matrices, distortion = self.matrices(unknowns), float(unknowns[1])
+        seen, q, p = self._seen(matrices, distortion)
         inverse = np.linalg.inv(matrices)[points.second]
-        step = 1e-6
-        slopes = np.empty((count, each, 3, 3))
         moving = 3 if self.family == "rotation" and not self.free_zoom else each
-        slopes = slopes[:, :moving]
+        # By the picture's own unknowns, and last by the focal length, which all share.
+        steps = np.zeros((moving + 1, len(unknowns)))
         for number in range(moving):
-            moved = np.zeros((count, each))
-            moved[:, number] = step
-            shift = np.concatenate([[0.0, 0.0], moved.ravel()])
-            slopes[:, number] = (self.matrices(unknowns + shift) - self.matrices(unknowns - shift)) / (
-                2 * step
-            )
-        whole = np.append(p, np.ones((len(p), 1)), axis=1)
+            steps[number, 2 + number :: each] = _STEP
+        steps[moving, 0] = _STEP
+        slopes = np.stack(
+            [
+                (self.matrices(unknowns + step) - self.matrices(unknowns - step)) / (2 * _STEP)
+                for step in steps
+            ],
+            axis=1,
+        )
+        scene = np.append(p, np.ones((len(p), 1)), axis=1)
         moves = (
-            np.einsum("kab,knbc,kc->kna", inverse, slopes[points.first], whole),
+            np.einsum("kab,knbc,kc->kna", inverse, slopes[points.first], scene),
             -np.einsum("kab,knbc,kc->kna", inverse, slopes[points.second], seen),
         )
+
+        def drawn(move: Floats) -> Floats:
+            """(K, n, 2) px ÷ uncertainty, of moves of what is seen."""
+            slope = move[..., :2] - (seen[:, :2] / seen[:, 2:])[:, np.newaxis] * move[..., 2:]
+            return np.asarray(slope / seen[:, np.newaxis, 2:] * points.weight[:, np.newaxis, np.newaxis])
+
         rows, columns, values = [], [], []
         numbers = np.arange(2 * len(p)).reshape(-1, 2)
         for index, move in zip((points.first, points.second), moves, strict=True):
-            slope = move[..., :2] - (seen[:, :2] / seen[:, 2:])[:, np.newaxis] * move[..., 2:]
-            slope = slope / seen[:, np.newaxis, 2:] * points.weight[:, np.newaxis, np.newaxis]
-            own = 2 + each * index[:, np.newaxis] + np.arange(moving)
+            slope = drawn(move)
+            own = 2 + each * index[:, np.newaxis] + np.arange(moving + 1)
+            own[:, moving] = 0
             rows.append(np.broadcast_to(numbers[:, np.newaxis, :], slope.shape).ravel())
             columns.append(np.broadcast_to(own[..., np.newaxis], slope.shape).ravel())
             values.append(slope.ravel())
-        for number, free in enumerate((self.free_focal, self.free_distortion)):
-            if free:
-                shift = np.zeros(len(unknowns))
-                shift[number] = step
-                slope = (self.residuals(unknowns + shift) - self.residuals(unknowns - shift)) / (2 * step)
-                rows.append(np.arange(len(slope)))
-                columns.append(np.full(len(slope), number))
-                values.append(slope)
+        if self.free_distortion:
+            bent_p, bent_q = self._bent(points.first, p, distortion), self._bent(points.second, q, distortion)
+            between = (inverse @ matrices[points.first])[..., :2]
+            slope = drawn(np.einsum("kab,kb->ka", between, bent_p)[:, np.newaxis])[:, 0]
+            values.append((slope - bent_q * points.weight[:, np.newaxis]).ravel())
+            rows.append(numbers.ravel())
+            columns.append(np.ones(numbers.size, int))
+        rows.append(np.array([2 * len(p)]))
+        columns.append(np.array([0]))
+        values.append(np.array([1 / self.doubt]))
         entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
         whole_matrix = csr_array(entries, shape=(2 * len(p) + 1, len(unknowns)))
         return whole_matrix[:, np.flatnonzero(self.free)]
 
+    def _bent(self, index: npt.NDArray[np.intp], ideal: Floats, distortion: float) -> Floats:
+        """(K, 2) derivatives of points free of distortion b by b: r (b r² + 1 - b) stays as it is."""
+        square = np.square(ideal).sum(axis=1) / np.square(self.sizes.min(axis=1) / 2)[index]
+        return np.asarray(ideal * ((1 - square) / (1 - distortion + 3 * distortion * square))[:, np.newaxis])
+
     def solved(self, *starts: Floats) -> tuple[Floats, float]:
         """Unknowns of least loss, and the loss, from the start that has the least at the first scale."""
-        wide, narrow = _SCALES
-        found = [self._descended(start, wide) for start in starts]
-        return self._descended(min(found, key=lambda one: one[1])[0], narrow)
+        first, last = zip(_SCALES, _SETTLED, _LEAST_CURVATURE, strict=True)
+        found = [self._descended(start, *first) for start in starts]
+        return self._descended(min(found, key=lambda one: one[1])[0], *last)
 
-    def _descended(self, start: Floats, scale: float) -> tuple[Floats, float]:
+    def _descended(self, start: Floats, scale: float, settled: float, least: float) -> tuple[Floats, float]:
         """Unknowns of least loss Σ s² log(1 + r² ÷ s²) near a start, by the method of Levenberg and Marquardt
         on equations that are weighted anew in each step.
         """
@@ -303,10 +331,11 @@ class _Problem:
         residuals, loss = lost(unknowns)
         for _ in range(_STEPS):
             jacobian = self.jacobian(unknowns)
-            weights = 1 / (1 + np.square(residuals / scale))
-            weighted = jacobian.multiply(weights[:, np.newaxis]).tocsr()
-            normal = (weighted.T @ jacobian).tocsc()
-            slope = weighted.T @ residuals
+            far = np.square(residuals / scale)
+            weights = 1 / (1 + far)
+            curvature = np.maximum((1 - far) * weights**2, least * weights)
+            normal = (jacobian.multiply(curvature[:, np.newaxis]).tocsr().T @ jacobian).tocsc()
+            slope = jacobian.T @ (weights * residuals)
             diagonal = normal.diagonal() + 1e-12
             before = loss
             while damping < 1e8:
@@ -321,7 +350,7 @@ class _Problem:
                     damping = max(damping / 5, 1e-9)
                     break
                 damping *= 4
-            if before - loss <= _SETTLED * loss:
+            if before - loss <= settled * loss:
                 break
         return unknowns, loss
 

@@ -158,17 +158,17 @@ def _voted(sizes: Floats, matches: Mapping[Pair, Match], adjust: _Adjust) -> Mod
     bundle = adjust({pair: match for pair, match in matches.items() if pair in tree})
     diagonal = float(np.hypot(*sizes.T).min())
     scale = max(float(np.max(match.uncertainty)) for match in matches.values())
-    kept: list[Pair] = []
+    kept = [pair for pair in matches if pair in tree]
     for share in (*_SHARES, 0.0):
         off = bundle.medians(matches)
-        usual = _usual(off, kept or tree, diagonal)
+        usual = _usual(off, kept, diagonal)
         now = [pair for pair in matches if off[pair] <= max(share * diagonal, _OFF * scale, usual)]
         if len(now) == len(kept) == len(matches):
             break
         if now != kept and not groups(len(sizes), now).any():
             kept, bundle = now, adjust({pair: matches[pair] for pair in now}, bundle)
     off = bundle.medians(matches)
-    largest = max(_OFF * scale, _usual(off, kept or tree, diagonal))
+    largest = max(_OFF * scale, _usual(off, kept, diagonal))
     right, wrong, clear = divided(len(sizes), strengths, off, largest)
     return ModelFit(
         bundle=bundle,

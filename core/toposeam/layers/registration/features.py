@@ -59,8 +59,9 @@ def look_at(picture: Layer) -> Look:
     planes = as_float(np.asarray(picture.image), picture.title, picture.data_range)
     gray = reduced(gray_of(planes, np.float32), fine)
     gray[~known] = 0
-    weight = scipy.ndimage.gaussian_filter(known.astype(np.float32), _BLUR)
-    slow = scipy.ndimage.gaussian_filter(gray, _BLUR) / np.maximum(weight, 1e-6)
+    slow = scipy.ndimage.gaussian_filter(gray, _BLUR)
+    if not known.all():
+        slow /= np.maximum(scipy.ndimage.gaussian_filter(known.astype(np.float32), _BLUR), 1e-6)
     detail = np.where(known, gray - slow, np.float32(0)).astype(np.float32)
     scale = max(1, int(np.ceil(np.sqrt(gray.size / _REDUCED_PIXELS))))
     small = reduced(gray, scale)

@@ -39,7 +39,7 @@ _POINTS = 150
 _SCALES = (30.0, 2.0)
 _STEPS = 60
 #: Steps end where one takes away less than this share of the loss: at the first scale, and at the last.
-_SETTLED = (1e-3, 1e-6)
+_SETTLED = (1e-5, 1e-6)
 #: The curvature of the loss counts at least as this share of a point's weight, at both scales.
 _LEAST_CURVATURE = (1.0, 0.1)
 #: Step of difference quotients.

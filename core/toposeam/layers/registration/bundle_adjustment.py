@@ -86,6 +86,14 @@ class Bundle:
         """a, b and c of Hugin's radial distortion."""
         return 0.0, self.distortion, 0.0
 
+    @property
+    def field_of_view(self) -> float:
+        """Largest angle, degrees, between the rays of two corners of the pictures; of a camera."""
+        corners = np.stack([self.sizes, self.sizes * [1, -1], -self.sizes, self.sizes * [-1, 1]], axis=1) / 2
+        rays = np.append(corners, np.ones((*corners.shape[:2], 1)), axis=2) @ np.swapaxes(self.matrices, 1, 2)
+        flat = rays.reshape(-1, 3) / np.linalg.norm(rays.reshape(-1, 3), axis=1, keepdims=True)
+        return math.degrees(math.acos(max(-1.0, float((flat @ flat.T).min()))))
+
     def size(self, index: int) -> tuple[int, int]:
         """Width and height of a picture, px."""
         return int(self.sizes[index, 0]), int(self.sizes[index, 1])

@@ -43,8 +43,9 @@ Floats = npt.NDArray[np.float64]
 
 #: A camera may leave so many times as much as a plane, and so many px more of features and of patches.
 _POORER, _SLACK, _EXACT_SLACK = 1.3, 0.15, 0.4
-#: One that leaves so many times as much still knows which way is up.
-_LIKE = 3.0
+#: One that leaves so many times as much still knows which way is up, and is taken where it sees more than so
+#: many degrees: no lens shows a plane so wide.
+_LIKE, _WIDE = 3.0, 100.0
 #: Rows and columns of patches; how many a pair needs to be adjusted to these alone; one standard deviation
 #: of one, px.
 _PATCHES, _ENOUGH, _EXACT = 8, 12, 0.25
@@ -122,7 +123,7 @@ def fit_models(
     plane = found.get("plane", fit)
     if bundle.family == "rotation" and plane is not fit and plane.matches.keys() == exact.keys():
         other = adjust("plane", exact, plane.bundle)
-        if left_over(bundle, exact) > _POORER * left_over(other, exact) + _EXACT_SLACK:
+        if left_over(bundle, exact) > _poorer(bundle) * left_over(other, exact) + _EXACT_SLACK:
             fit = replace(plane, bundle=other, matches=exact)
             exact = _with_patches(looks, fit, executor)
             bundle = adjust("plane", exact, other)
@@ -137,7 +138,12 @@ def _explains(poorer: ModelFit, richer: ModelFit, matches: Mapping[Pair, Match])
     if len(poorer.outvoted) < len(richer.outvoted):
         return True
     least = left_over(richer.bundle, matches, shared)
-    return left_over(poorer.bundle, matches, shared) <= _POORER * least + _SLACK
+    return left_over(poorer.bundle, matches, shared) <= _poorer(poorer.bundle) * least + _SLACK
+
+
+def _poorer(camera: Bundle) -> float:
+    """How many times as much as a plane a camera may leave."""
+    return _LIKE if camera.field_of_view > _WIDE else _POORER
 
 
 class _Adjust(Protocol):

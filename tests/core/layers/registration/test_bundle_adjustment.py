@@ -91,6 +91,17 @@ def test_cameras_and_their_focal_length_are_found(turns, off, seed):
     assert left_over(bundle, matches) < 0.7  # 0.3 px in both pictures, x and y
 
 
+def test_the_field_of_view_is_between_the_farthest_corners():
+    views = around(FOCAL, ROW, SIZE)
+    bundle = adjust_cameras(sizes_of(views), matches_of(views, noise=0.0), focal=FOCAL, fixed=True)
+    corners = np.array([[x, y, FOCAL] for x in (-180, 180) for y in (-120, 120)]) / math.sqrt(
+        180**2 + 120**2 + FOCAL**2
+    )
+    rays = [corner @ view.rotation.T for view in (views[0], views[-1]) for corner in corners]
+    largest = max(math.acos(float(a @ b)) for a in rays for b in rays if a @ b < 0.9)
+    assert bundle.field_of_view == pytest.approx(math.degrees(largest), abs=0.3)
+
+
 def test_without_noise_cameras_are_exact():
     views = around(FOCAL, ROWS, SIZE)
     bundle = adjust_cameras(sizes_of(views), matches_of(views, noise=0.0))

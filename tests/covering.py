@@ -109,7 +109,7 @@ def long_tests(cache: Path) -> set[str]:
 
 def nearest(tests: list[str], file: str, long: set[str]) -> list[str]:
     """At most `MOST_TESTS` of the tests: those of the file's own test file first, then those of its room,
-    then some of all others; long ones last.
+    then some of all others; of each the long ones last.
     """
     source = Path(file)
     room = source.parent.name
@@ -117,7 +117,7 @@ def nearest(tests: list[str], file: str, long: set[str]) -> list[str]:
     def group(test: str) -> int:
         path = Path(test.partition("::")[0])
         near = 0 if path.stem.startswith(f"test_{source.stem}") else 1 if path.parent.name == room else 2
-        return near + 3 * (test in long)
+        return 2 * near + (test in long)
 
     taken: list[str] = []
     for wanted in range(6):

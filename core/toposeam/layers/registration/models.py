@@ -43,9 +43,10 @@ Floats = npt.NDArray[np.float64]
 
 #: A camera may leave so many times as much as a plane, and so many px more of features and of patches.
 _POORER, _SLACK, _EXACT_SLACK = 1.3, 0.15, 0.4
-#: One that leaves so many times as much still knows which way is up, and is taken where it sees more than so
-#: many degrees: no lens shows a plane so wide.
-_LIKE, _WIDE = 3.0, 100.0
+#: One that sees more than so many degrees may leave so many times as much: no lens shows a plane so wide.
+_WIDE, _WIDE_POORER = 100.0, 2.0
+#: One that leaves so many times as much still knows which way is up.
+_LIKE = 3.0
 #: Rows and columns of patches; how many a pair needs to be adjusted to these alone; one standard deviation
 #: of one, px.
 _PATCHES, _ENOUGH, _EXACT = 8, 12, 0.25
@@ -143,7 +144,7 @@ def _explains(poorer: ModelFit, richer: ModelFit, matches: Mapping[Pair, Match])
 
 def _poorer(camera: Bundle) -> float:
     """How many times as much as a plane a camera may leave."""
-    return _LIKE if camera.field_of_view > _WIDE else _POORER
+    return _WIDE_POORER if camera.field_of_view > _WIDE else _POORER
 
 
 class _Adjust(Protocol):

@@ -32,10 +32,12 @@ def pieces() -> dict[str, list[str]]:
     """The tests in pieces that take a few minutes at most, by name: up to six files of a folder."""
     named = {"examples": ["core"], "plugin": _free()}
     for side in ("core", "cli"):
-        for folder in (ROOT / "tests" / side, *sorted((ROOT / "tests" / side).iterdir())):
+        top = ROOT / "tests" / side
+        for folder in (top, *sorted(path for path in top.rglob("*") if path.is_dir())):
             files = sorted(path.relative_to(ROOT).as_posix() for path in folder.glob("test_*.py"))
+            name = "-".join(folder.relative_to(top).parts) or side
             for first in range(0, len(files), 6):
-                named[f"{side}-{folder.name}-{first // 6}"] = files[first : first + 6]
+                named[f"{side}-{name}-{first // 6}"] = files[first : first + 6]
     return named
 
 
@@ -133,7 +135,9 @@ def nearby_tests(file: str) -> list[str]:
     """
     source = Path(file)
     within = ROOT / "tests" / ("core" if file.startswith("core/") else "cli")
-    room = within / source.parent.name
+    room = within.joinpath(*source.parent.parts[2:])
+    if not room.is_dir():
+        room = within / source.parent.name
     files = sorted(room.rglob("test_*.py")) if room.is_dir() else []
     files += sorted(within.glob("test_*.py"))
     files += sorted(path for path in within.rglob("test_*.py") if path not in files)

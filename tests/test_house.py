@@ -376,3 +376,12 @@ def test_names_of_tests_are_short():
         and len(node.name) >= NAME_CHARACTERS
     }
     assert not long
+
+
+def test_a_map_for_mutations_takes_in_every_test_file():
+    from covering import pieces
+
+    measured = [HERE / file for files in pieces().values() for file in files if file.endswith(".py")]
+    assert len(set(measured)) == len(measured)
+    for side in ("core", "cli"):
+        assert set((HERE / "tests" / side).rglob("test_*.py")) <= set(measured)

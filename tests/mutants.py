@@ -3,10 +3,10 @@ it.
 
 A mutation changes one operator, constant, condition, bound or call of a line that the quick tests execute,
 draws of which follow from a seed; then only the tests that execute the line are run, in a copy of the
-checkout, nearest first, until one fails or their time is spent. What survives is
-printed. Mutations that change no behaviour do not count: those that compile to the same code, and those
-listed with the reason in ``mutants_equal.toml``. Which tests execute a line, a map says that takes several
-minutes to make; without it (``--nearby``) tests are looked for by their names.
+checkout, nearest first, until one fails or their time is spent. What survives is printed. Mutations that
+change no behaviour do not count: those that compile to the same code, and those listed with the reason in
+``mutants_equal.toml``. Which tests execute a line, a map says that takes several minutes to make; without it
+(``--nearby``) tests are looked for by their names.
 
 Map and results are kept in ``build/mutants`` for as long as the code does not change: a run that is cut
 short, or ends after ``--minutes``, goes on where it stopped. What survived is tried again with ``--again``,

@@ -173,6 +173,8 @@ def test_a_browser_shows_every_page_on_two_screens_and_searches(site, tmp_path):
             browser.wait(120)
             server.shutdown()
     assert {look["page"] for look in seen if look["width"] == 390} == set(names)
+    wide = {look["page"] for look in seen if look["width"] == 1400}
+    assert wide == {name for name in names if "/reference/" not in name}
     assert not [look for look in seen if look["wide"] > 1 or look["missing"]]
     assert not [look for look in seen if not look["heading"] and look["page"] != "search.html"]
     assert searched["search"]

@@ -320,7 +320,8 @@ def _look(item: tuple[Layer, Field | None, int]) -> Sight:
         light = light_of(values, layer.white)
         telling = (light > _SHOWING[0]) & (light < _SHOWING[1])
         if field is not None:
-            light = light * _chosen(field.at(range(0, height, step), range(0, width, step)), covered)
+            across = field.across(range(0, width, step))
+            light = light * _chosen(np.exp(field.logarithm(range(0, height, step), across)), covered)
         found.append(float(np.quantile(light[telling], _BURNT)) if telling.any() else 0.0)
     box = Box(0, 0, height, width)
     if not covered.all() and covered.any():

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from toposeam.images import Image, Mask, Windows, in_dtype
 from toposeam.layers.canvas.layer import Box, Layer
 from toposeam.layers.exposure.linear_light import KNEE, STRAIGHT, decoded, encoded, finished, multiplied
-from toposeam.layers.exposure.shading import field_on
+from toposeam.layers.exposure.shading import weights_along
 
 #: From this share of full scale in all channels on, gains let go, so that white stays white.
 WHITE = 0.9
@@ -27,10 +27,14 @@ class Field(NamedTuple):
     #: Where it spans in the layer; beyond, it goes on as at the edge.
     box: Box
 
-    def at(self, rows: range, columns: range) -> npt.NDArray[np.float64]:
-        """The gain at some rows and columns of the layer."""
-        top, left = self.box[:2]
-        return field_on(self.coefficients, self.box.shape, np.asarray(rows) - top, np.asarray(columns) - left)
+    def across(self, columns: range) -> npt.NDArray[np.float64]:
+        """What rows' weights are multiplied by at some columns of the layer, (5, n)."""
+        width = self.box.shape[1]
+        return self.coefficients @ weights_along(width, np.asarray(columns) - self.box.left).T
+
+    def logarithm(self, rows: range, across: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """The logarithm of the gain at some rows of the layer, and columns of which :meth:`across` tells."""
+        return weights_along(self.box.shape[0], np.asarray(rows) - self.box.top) @ across
 
 
 class Toned(Windows):
@@ -77,17 +81,22 @@ class Toned(Windows):
         planes = image[..., np.newaxis] if self.ndim == 2 else image
         result = np.empty(planes.shape, self.dtype)
         rounded = None if self._tables is None else in_dtype(self._tables * self._white, self.dtype)
+        down, right = (
+            range(*one.indices(size)) for one, size in zip((rows, columns), self.shape[:2], strict=True)
+        )
+        across = None if self._field is None else self._field.across(right)
         for start in range(0, len(planes), _ROWS):
             part = slice(start, start + _ROWS)
             block = planes[part]
-            field = np.ones((1, 1))
-            if self._field is not None:
-                at = range(*rows.indices(self.shape[0]))[part], range(*columns.indices(self.shape[1]))
-                field = self._field.at(*at)
+            field = np.zeros((1, 1))
+            if self._field is not None and across is not None:
+                field = self._field.logarithm(down[part], across)
             if self._top is None:
-                result[part] = block * (field[..., np.newaxis] * self._factor)
+                result[part] = block * (np.exp(field)[..., np.newaxis] * self._factor)
             elif rounded is None:
-                result[part] = in_dtype(self._reckoned(block, field) * self._white, self.dtype)
+                reckoned = in_dtype(self._reckoned(block, field) * self._white, self.dtype)
+                for channel, plane in enumerate(reckoned):
+                    result[part, :, channel] = plane.reshape(block.shape[:2])
             else:
                 for channel, table in enumerate(rounded):
                     result[part, :, channel] = table.take(block[..., channel])
@@ -109,27 +118,27 @@ class Toned(Windows):
             result[..., channel][bright] = plane
 
     def _reckoned(self, block: Image, field: npt.NDArray[np.float64]) -> npt.NDArray[Any]:
-        """What becomes of values without tables, as shares of white, (h, w, C)."""
+        """(C, h w) what becomes of values without tables, as shares of white; a field's logarithm."""
         kind = np.dtype(np.float32 if self.dtype.itemsize <= 4 else np.float64).type
         count = block.shape[2]
         shares = np.empty((count, block.shape[0] * block.shape[1]), kind)  # one channel after the other
         for plane, one in zip(shares, np.moveaxis(block, 2, 0), strict=True):
             np.divide(one, kind(self._white), out=plane.reshape(one.shape))
-        gain = np.broadcast_to(field, block.shape[:2]).ravel().astype(kind)
+        logarithm = np.broadcast_to(field, block.shape[:2]).ravel().astype(kind)
         factor = self._factor[:, np.newaxis].astype(kind)
-        root = gain ** kind(1 / 2.4) * factor ** kind(1 / 2.4)
+        root = np.exp(logarithm * kind(1 / 2.4)) * factor ** kind(1 / 2.4)
         raised = multiplied(shares, root)
         darkest = shares.min(axis=0)
         dark = np.flatnonzero(np.minimum(darkest, raised.min(axis=0)) < STRAIGHT)
         if len(dark):
-            raised[:, dark] = encoded(decoded(shares[:, dark]) * gain[dark] * factor)
+            raised[:, dark] = encoded(decoded(shares[:, dark]) * np.exp(logarithm[dark]) * factor)
         bright = np.flatnonzero(self._bright(darkest, raised.max(axis=0), 1.0))
         if len(bright):
             whites = multiplied(np.ones((1, 1), kind), root[:, bright])
             raised[:, bright] = finished(
                 shares[:, bright], raised[:, bright], whites, self._top or 1.0, WHITE
             )
-        return raised.T.reshape(block.shape)
+        return raised
 
     def _bright(self, darkest: npt.NDArray[Any], lightest: npt.NDArray[Any], white: float) -> Mask:
         """Where channels depend on each other: where all are almost white or one is beyond the knee."""

@@ -56,15 +56,6 @@ def weights_along(length: int, at: npt.ArrayLike) -> Floats:
     return result
 
 
-def field_on(
-    coefficients: Floats, shape: tuple[int, ...], rows: npt.ArrayLike, columns: npt.ArrayLike
-) -> Floats:
-    """The gain at some rows and columns of a layer of some shape, (k, n)."""
-    down = weights_along(shape[0], rows) @ coefficients
-    result: Floats = np.exp(down @ weights_along(shape[1], columns).T)
-    return result
-
-
 def shading(places: Sequence[Box], ratios: Ratios) -> list[Floats]:
     """Per layer the coefficients of the logarithm of its field, (5, 5).
 

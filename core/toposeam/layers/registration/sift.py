@@ -150,7 +150,7 @@ def _derivatives(flat: Floats32, place: npt.NDArray[np.intp], strides: Corners) 
 def _described(level: Floats32, at: Complexes, blur: Floats) -> tuple[Complexes, npt.NDArray[np.uint8]]:
     """The points of a level, each once for each of its directions, and their descriptors."""
     down, right = np.gradient(level)
-    gradient = (down + 1j * right).astype(np.complex64)
+    gradient = np.pad((down + 1j * right).astype(np.complex64), (1, 2))
     point, direction = _directions(_sampled(gradient, at, blur, _ROUND))
     at, turned = at[point], np.exp(1j * direction)
     samples = _sampled(gradient, at, blur[point] * turned, _PATCH)
@@ -158,8 +158,9 @@ def _described(level: Floats32, at: Complexes, blur: Floats) -> tuple[Complexes,
     strength = np.abs(samples) * _PATCH_WEIGHT
     angle = np.angle(samples) * np.float32(_DIRECTIONS / (2 * np.pi))
     histograms = np.empty((len(at), 16, _DIRECTIONS), np.float32)
-    for number in range(_DIRECTIONS):
-        apart = np.abs((angle - number + _DIRECTIONS / 2) % _DIRECTIONS - _DIRECTIONS / 2)
+    for number in range(-_DIRECTIONS // 2, _DIRECTIONS // 2):  # angles are from -4 to 4
+        apart = np.abs(angle - number)
+        np.minimum(apart, _DIRECTIONS - apart, out=apart)
         histograms[..., number] = (strength * np.maximum(1 - apart, 0)) @ _SHARE
     entries = histograms.reshape(len(at), 128)
     entries = np.minimum(entries, _GREATEST * np.linalg.norm(entries, axis=1, keepdims=True))
@@ -168,9 +169,29 @@ def _described(level: Floats32, at: Complexes, blur: Floats) -> tuple[Complexes,
 
 
 def _sampled(gradient: Any, at: Complexes, scale: Any, grid: Any) -> Any:
-    """(N, M) complex64: the gradient at a grid laid round each point; 0 outside."""
+    """(N, M) complex64: the gradient at a grid laid round each point, bilinear; it has one row and column of
+    zeros before the picture's, and two behind.
+    """
     where = at[:, np.newaxis] + np.multiply.outer(scale, grid)
-    return scipy.ndimage.map_coordinates(gradient, [where.real, where.imag], order=1, mode="constant")
+    (row, down), (column, right) = (
+        _split(part + 1, size - 2)
+        for part, size in zip((where.real, where.imag), gradient.shape, strict=True)
+    )
+    flat, place = gradient.ravel(), row * gradient.shape[1] + column
+
+    def along(place: Any) -> Any:
+        left = flat.take(place)
+        return left + right * (flat.take(place + 1) - left)
+
+    upper = along(place)
+    return upper + down * (along(place + gradient.shape[1]) - upper)
+
+
+def _split(values: Any, last: int) -> tuple[npt.NDArray[np.intp], Floats32]:
+    """Values from 0 to the last, as integers and what is over."""
+    values = np.clip(values, 0, last)
+    whole = values.astype(np.intp)
+    return whole, (values - whole).astype(np.float32)
 
 
 def _directions(samples: Any) -> tuple[npt.NDArray[np.intp], Floats]:

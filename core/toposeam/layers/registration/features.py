@@ -100,11 +100,12 @@ def shared_features(a: Look, b: Look) -> npt.NDArray[np.intp]:
     if not (len(a.descriptors) and len(b.descriptors)):
         return np.zeros((0, 2), np.intp)
     # Whole numbers up to 128 · 255² are exact in float32, so this is what skimage.feature.match_descriptors
-    # gives, in a tenth of its time.
+    # gives, in a tenth of its time: |f|² - 2 f s + |s|² of all pairs as one product.
     first, second = (look.descriptors.astype(np.float32) for look in (a, b))
-    distance = (-2 * first) @ second.T
-    distance += np.square(first).sum(axis=1)[:, np.newaxis]
-    distance += np.square(second).sum(axis=1)
+    squares = [np.square(one).sum(axis=1, keepdims=True) for one in (first, second)]
+    distance = np.hstack([-2 * first, squares[0], np.ones_like(squares[0])]) @ (
+        np.hstack([second, np.ones_like(squares[1]), squares[1]]).T
+    )
     near = distance.argmin(axis=1)
     mine = np.arange(len(first))
     least = distance[mine, near]

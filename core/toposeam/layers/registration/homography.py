@@ -18,7 +18,7 @@ _FITS = 6
 _LEAST_MATCHES = 8
 #: Inliers that a pair needs: so many, and this share of all matches in the overlap (Brown and Lowe 2007,
 #: doi:10.1007/s11263-006-0002-3, equation 13).
-_LEAST, _SHARE = 8.0, 0.22
+_LEAST, _SHARE = 8, 0.22
 #: Pictures of one scene are not scaled by more than so many times, nor turned into a line.
 _LARGEST_SCALE = 4.0
 
@@ -84,22 +84,21 @@ def find_homography(
 
 def _most_inliers(a: Floats, b: Floats, near: float) -> Mask | None:
     """The matches that agree to the best of the homographies through four matches each; the best one of each
-    batch is fitted to all that agree (LO-RANSAC; Chum, Matas and Kittler 2003).
+    batch is fitted to all that agree (LO-RANSAC; Chum, Matas and Kittler 2003). Fewer than verify a pair are
+    not looked for.
     """
     rng = np.random.default_rng(0)
-    best, trials, needed = np.zeros(len(a), bool), 0, float(_TRIALS)
-    while trials < needed:
-        chosen = np.argsort(rng.random((_BATCH, len(a))), axis=1)[:, :4]
-        matrices = _through_four(a[chosen], b[chosen])
-        off = np.square(applied(matrices, np.broadcast_to(b, (len(matrices), *b.shape))) - a).sum(axis=-1)
-        agree = off < near
+    best = np.zeros(len(a), bool)
+    for trials in range(_BATCH, _TRIALS + 1, _BATCH):
+        chosen = rng.integers(len(a), size=(_BATCH, 4))  # of which the same twice is singular
+        agree = _squares_off(_through_four(a[chosen], b[chosen]), a, b) < near
         if len(agree):
             leader = _fitted_again(a, b, agree[agree.sum(axis=1).argmax()], near)
             if leader.sum() > best.sum():
                 best = leader
-                missed = 1 - (best.mean()) ** 4
-                needed = min(_TRIALS, np.log(1 - _SURE) / np.log(missed) if missed > 1e-12 else 0)
-        trials += _BATCH
+        missed = 1 - (max(int(best.sum()), _LEAST) / len(a)) ** 4
+        if missed**trials < 1 - _SURE:
+            break
     return best if best.sum() >= _LEAST_MATCHES else None
 
 
@@ -108,11 +107,17 @@ def _fitted_again(a: Floats, b: Floats, agreeing: Mask, near: float) -> Mask:
     for _ in range(_FITS):
         if agreeing.sum() < _LEAST_MATCHES:
             break
-        off = np.square(applied(_least_squares(a[agreeing], b[agreeing]), b) - a).sum(axis=1)
-        before, agreeing = agreeing, off < near
+        before, agreeing = agreeing, _squares_off(_least_squares(a[agreeing], b[agreeing]), a, b) < near
         if (before == agreeing).all():
             break
     return agreeing
+
+
+def _squares_off(matrices: Floats, a: Floats, b: Floats) -> Floats:
+    """(..., M) squares of how far (..., 3, 3) homographies take points `b` from `a`."""
+    x, y, w = np.moveaxis(matrices @ np.append(b, np.ones((len(b), 1)), axis=1).T, -2, 0)
+    w = np.where(np.abs(w) < 1e-12, 1e-12, w)
+    return np.asarray(np.square(x / w - a[:, 0]) + np.square(y / w - a[:, 1]))
 
 
 def least_squares_homography(a: Floats, b: Floats) -> Floats:
@@ -129,7 +134,7 @@ def _through_four(a: Floats, b: Floats) -> Floats:
     left, right = system[..., :8], -system[..., 8:]
     regular = np.abs(np.linalg.det(left)) > 1e-9
     entries = np.linalg.solve(left[regular], right[regular])[..., 0]
-    return np.concatenate([entries, np.ones((len(entries), 1))], axis=1).reshape(-1, 3, 3)
+    return np.append(entries, np.ones((len(entries), 1)), axis=1).reshape(len(entries), 3, 3)
 
 
 def _least_squares(a: Floats, b: Floats) -> Floats:

@@ -174,6 +174,7 @@ USAGE = {
     "no pictures": ("stitch", "Missing argument"),
     "no picture": ("stitch --overlap 20 -o out.png", "Missing argument"),
     "no output": ("stitch {a} {b} --overlap 20", "Missing option '-o'"),
+    "nothing to write": ("fill {a} --mask {b}", "Missing option '-o'"),
     "no such option": ("stitch {a} {b} --overlap 20 -o out.png --warp", "No such option"),
     "name like an option": ("stitch {a} -b.png --overlap 20 -o out.png", "No such option"),
     "overlap in words": ("stitch {a} {b} --overlap ten -o out.png", "write pixels, like 80"),

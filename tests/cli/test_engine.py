@@ -2,6 +2,7 @@
 
 import io
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from scipy import ndimage
 import toposeam as ts
 from toposeam_cli.commands.stitch import stitch
 from toposeam_engine import serving
+from toposeam_engine.places import PlacedLayers
 from toposeam_gimp.entries.seams import SEAM_ENTRIES
 
 #: Rows and columns of two layers on their canvas.
@@ -234,6 +236,12 @@ def test_layers_that_lie_anywhere_are_put_where_they_belong(request_folder):
     layers[1] = request_folder.raster("c", np.full_like(parts[1], 90), (0, 0))
     refused = request_folder.ask(operation="stitch", layers=layers, options={"places": "anywhere"})
     assert "a and c cannot be placed: c shows too little detail; " in message_of(refused)
+
+
+def test_strangers_are_those_that_no_group_takes():
+    found = SimpleNamespace(left_out={2: "", 4: "", 5: ""}, other_groups=((4, 5),), residuals={}, wrap=None)
+    about = PlacedLayers([], [0, 1, 3], found).about
+    assert (about["strangers"], about["other_groups"]) == ([2], [[4, 5]])
 
 
 def test_a_patch_is_divided_anew_by_its_path(request_folder, pair):

@@ -14,6 +14,7 @@ import toposeam as ts
 from toposeam.layers.canvas import largest_full
 from toposeam_cli.app.options import Length
 from toposeam_cli.files.scratch import scratch as scratch_beside
+from toposeam_cli.media.pictures.lens import in_pixels
 from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
 from toposeam_cli.stitching import inputs
 from toposeam_cli.stitching.inputs import PlacedPictures, arrange, picture_number
@@ -37,6 +38,25 @@ def test_b_lies_at_its_side_of_a_picture_of_another_size(unlike, side, at):
     overlap = Length(25, True)  # of A's 60 × 40 px: 15 px across, 10 px down
     job = arrange(unlike, Where(overlap=overlap, side=side), max_megapixels=1)
     assert [layer.at for layer in job.layers] == [(0, 0), at]
+
+
+@pytest.mark.parametrize(("mm", "agree"), [((50, 52), True), ((50, 53), False)])
+def test_focal_lengths_count_that_all_files_agree_on(monkeypatch, tmp_path, mm, agree):
+    asked, files = [], []
+    for length in mm:
+        exif = PIL.Image.Exif()
+        exif.get_ifd(0x8769)[0xA405] = length  # as of 35 mm film
+        files.append(tmp_path / f"{length}.jpg")
+        PIL.Image.new("RGB", (60, 40)).save(files[-1], exif=exif)
+
+    def unplaced(layers, options, *_):
+        asked.append((options.focal, options.about))
+        raise ts.OverlapError("apart")
+
+    monkeypatch.setattr(inputs, "found_places", unplaced)
+    with pytest.raises(ts.OverlapError):
+        arrange(files, Where(), max_megapixels=1)
+    assert asked == [(pytest.approx(in_pixels(51, (60, 40))), True) if agree else (None, False)]
 
 
 @pytest.mark.parametrize("at", [(-20, -7), (25, -3), (-12, 11)])

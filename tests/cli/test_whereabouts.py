@@ -15,9 +15,10 @@ CELLS = {"a": (0, 0), "b": (7, 0), "c": (14, 0), "d": (0, 5), "e": (7, 5), "f": 
 FOLLOWING = dict(zip(ORDERS, ("abcdef", "adbecf", "abcfed", "adebcf"), strict=True))
 
 
-def found(names, where, sizes=None):
+def found(names, where, sizes=None, numbers=None):
     pictures = [Picture(pixels=np.zeros((sizes or {}).get(name, (8, 10)), np.uint8)) for name in names]
-    return places_of([Path(f"{name}.png") for name in names], pictures, where)
+    files = [Path(f"{name}.png") for name in names]
+    return places_of(files, pictures, where, numbers, None if numbers is None else numbers[-1] + 1)
 
 
 @pytest.mark.parametrize("order", ORDERS)
@@ -49,3 +50,8 @@ def test_a_grid_has_as_many_places_as_there_are_pictures():
         found("abcde", Where(grid=(3, 2), overlap=Length(3, False)))
     with pytest.raises(ts.OptionError, match="add --overlap"):
         found("ab", Where(row=True))
+
+
+def test_a_missing_picture_is_as_large_as_the_first():
+    where = Where(row=True, overlap=Length(3, False))
+    assert found("acd", where, {"a": (8, 20)}, numbers=[0, 2, 3]) == [(0, 0), (34, 0), (41, 0)]

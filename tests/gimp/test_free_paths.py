@@ -173,3 +173,15 @@ def test_curves_are_kept_where_a_seam_runs_as_before(cut):
     for one, other in pairwise(after["curves"]):
         assert one[6:] == other[:2]
     assert lines_of([stairs(offsets)], nowhere, [before]) == [before]
+
+
+@pytest.mark.parametrize("place", [10, 20])
+def test_a_seam_that_bends_where_curves_meet_stays_whole(place):
+    points = np.array([[x, 0] for x in range(31)], float)
+    pieces = [points[[k, k + 10]].ravel().tolist() for k in (0, 10, 20)]
+    known = {"closed": False, "pieces": pieces, "curves": [piece[:2] * 2 + piece[2:] * 2 for piece in pieces]}
+    points[place, 1] = 1
+    (line,) = lines_of([ts.vector.Polyline(points)], np.zeros(2), [known])
+    assert (place, 1) in corners(line)
+    for one, other in pairwise(line["pieces"]):
+        assert one[-2:] == other[:2]

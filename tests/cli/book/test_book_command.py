@@ -164,6 +164,8 @@ def test_a_book_replaces_its_own_pages_unless_they_were_edited(theme, toposeam, 
     assert toposeam(*words).code == 0
     assert toposeam(*words, "--title", "Another").code == 0
     assert "Another" in (theme / "b" / "book.html").read_text()
+    motifs = [path.name for path in (theme / "b" / "motifs").iterdir()]
+    assert sorted(motifs) == ["0001.png", "0002.png", "0003.png", "0004.png"]
     (theme / "b" / "book.html").write_text("edited")
     toposeam(*words).fails("--force")
     assert (theme / "b" / "book.html").read_text() == "edited"

@@ -8,6 +8,8 @@ import zlib
 import numpy as np
 import pytest
 
+from toposeam_cli.media.stacks.unpacking import unpacks_within
+
 tifffile = pytest.importorskip("tifffile")
 zarr = pytest.importorskip("zarr")
 
@@ -60,6 +62,11 @@ def test_codecs_that_are_not_known_are_never_asked(joined, stack, tmp_path, plac
     path = saved(tmp_path / "b.zarr", stack, compressors=None)
     described(path, **{place: {"id": codec} if place == "compressor" else [{"id": codec}]})
     joined(path).fails(f"is packed with {codec}, which is not read; export it with blosc")
+
+
+def test_chunks_that_were_packed_twice_are_refused(joined, stack, tmp_path):
+    path = described(saved(tmp_path / "b.zarr", stack), filters=[{"id": "zlib"}])
+    joined(path).fails("is packed in a way that is not read; export it with one compressor")
 
 
 def test_codecs_of_the_third_format_are_checked(joined, stack, tmp_path):
@@ -134,6 +141,14 @@ def test_chunks_that_unpack_to_more_are_refused(joined, stack, tmp_path, method)
     )
     (path / "0.0.0").write_bytes(packed)
     joined(path).fails("unpacks to more than its chunks hold")
+
+
+@pytest.mark.parametrize("blocks", [512, 513])
+def test_every_block_of_a_frame_counts_an_empty_one_too(blocks):
+    """However little is wanted, as many blocks may come as can hold 64 MiB."""
+    repeated = (128 << 10 << 3 | 2).to_bytes(3, "little") + b"a"
+    frame = b"\x28\xb5\x2f\xfd\0\x58" + (blocks - 1) * repeated + bytes([1, 0, 0])
+    assert unpacks_within(frame, "zstd", 1000) == (blocks == 512)
 
 
 @pytest.mark.parametrize("length", [0, 3, 40])

@@ -10,6 +10,7 @@ from processes import living
 from skimage import data
 
 from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
+from toposeam_cli.textures.maps import Maps
 
 ASKED = ("--size", "90x70", "--patch", "32")
 
@@ -110,6 +111,15 @@ def test_maps_keep_their_depth_format_and_values(toposeam):
     np.testing.assert_array_equal(packed.pixels, row * 3)
     np.testing.assert_array_equal(packed.alpha, 255 - column)
     assert read_picture("wall_normal.png").pixels.dtype == np.uint16
+
+
+def test_heights_in_any_unit_count_by_their_range(folder):
+    values = np.linspace(-8, 56, 64 * 70, dtype=np.float32).reshape(64, 70)
+    files = [folder / f"{unit}.tif" for unit in ("metres", "shares")]
+    for file, heights in zip(files, (values, values / 128), strict=True):
+        written(file, heights)
+    white = Maps.read(files, [], 1, 10**6).keywords(read_picture("moss.png"), None)["data_range"]
+    assert white == [None, 64, 1]
 
 
 def test_values_that_a_format_would_clip_are_refused_first(toposeam, folder):

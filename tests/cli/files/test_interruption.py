@@ -21,7 +21,14 @@ from toposeam_cli.files.interruption import (
     interruptible,
     terminations_raised,
 )
-from toposeam_cli.files.temporary import claimed_folder, lock, remove_stale, remove_unfinished
+from toposeam_cli.files.temporary import (
+    claimed_folder,
+    lock,
+    remove,
+    remove_stale,
+    remove_unfinished,
+    temporary_beside,
+)
 from toposeam_cli.files.writing import all_or_nothing, atomic_write, replacing
 from toposeam_cli.jobs.workers import Task, answer
 from toposeam_cli.media.pictures.libvips import evaluate, load_vips
@@ -318,6 +325,15 @@ def test_a_child_that_is_forked_leaves_the_files_of_its_parent(tmp_path):
             os._exit(0)
         os.waitpid(child, 0)
         assert temporary.exists()
+
+
+def test_what_has_the_name_of_a_removed_file_is_left(tmp_path):
+    path = temporary_beside(tmp_path / "out")
+    path.write_text("ours")
+    remove(path)
+    path.write_text("someone else's")
+    remove_unfinished()
+    assert path.exists()
 
 
 def test_folders_whose_writers_are_gone_are_stale_too(tmp_path):

@@ -38,6 +38,7 @@ def test_another_reader_finds_the_same_pixels(dtype, shape):
         assert file.is_bigtiff
         page = file.pages[0]
         found = page.asarray()
+        assert page.tags["Compression"].value == 1
     np.testing.assert_array_equal(found.reshape(shape), values)
     stream.seek(0)
     whole = stream.read()

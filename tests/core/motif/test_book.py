@@ -22,5 +22,6 @@ def test_patterns_of_a_book_are_drawn_from_its_ranges():
     assert 0.2 <= masses[thick].min() < masses[thick].max() <= 0.36
     assert 0.08 <= masses[~thick].min() < masses[~thick].max() <= 0.22
     assert 2**30 < max(recipe.seed for recipe in recipes) < 2**31  # of 32 bits, as other programs have them
+    assert {recipe.layers[0].penalty for recipe in recipes} == {1, 2, 3}
     assert {recipe.iterations for recipe in recipes} == set(range(20, 51))
     assert book_recipe(theme, 7, 3, 32) == book_recipe(theme, 7, 3, 32) != book_recipe(theme, 8, 3, 32)

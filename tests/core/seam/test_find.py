@@ -222,6 +222,7 @@ def test_gray_with_colour_is_widened():
         ({"method": "dp", "tolerance": 0.1}, "takes no options"),
         ({"tolerance": 2.0}, "tolerance"),
         ({"weight": np.zeros((20, 10))}, "positive"),
+        *(({"weight": np.where(np.eye(20, 10), one, 1)}, "positive") for one in (0, np.inf, np.nan)),
         ({"avoid": np.zeros((3, 3))}, "per pixel"),
         ({"core": 0.0, "mask_a": np.ones((20, 10))}, "core"),
         ({"max_iterations": 2.5}, "whole number"),

@@ -138,6 +138,17 @@ def test_a_picture_continuing_across_its_border_is_unchanged():
     np.testing.assert_array_equal(made.image[:, 120:], slope[:, 120:])
 
 
+def test_a_step_in_the_corner_is_closed_by_one_patch():
+    y, x = np.indices((60, 72))
+    image = (x * (71 - x) // 14 + y * (59 - y) // 40).astype(np.uint8)
+    image[0, 0] = 200
+    made = ts.make_tileable(image, band=8, level=False, smooth=0)
+    assert made.count == 1
+    assert (made.image != image)[:8, :8].any()
+    np.testing.assert_array_equal(made.image[8:-8], image[8:-8])
+    np.testing.assert_array_equal(made.image[:, 8:-8], image[:, 8:-8])
+
+
 @pytest.mark.parametrize("tileable", ["both", "x", "y"])
 @pytest.mark.parametrize("smooth", [0, 1, 4])
 def test_a_tile_s_border_is_drawn_like_the_whole(smooth, tileable):

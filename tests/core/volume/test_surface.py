@@ -340,6 +340,23 @@ def test_bricks_at_rest_are_left_out_and_nothing_is_lost(monkeypatch):
     assert flow.look().cut == pytest.approx(every.look().cut, rel=1e-4)
 
 
+@pytest.mark.parametrize("awake", [4, 5])
+def test_four_fifths_of_the_bricks_are_swept_alone(monkeypatch, awake):
+    """Five bricks that nothing joins; in one that is not awake heat hardly moves."""
+    monkeypatch.setattr("toposeam.heat.bricks._SIDES", {1: (4,)})
+    cost = np.ones(19, np.float32)
+    cost[2::4] = cost[3::4] = 0
+    start = np.random.default_rng(0).random((5, 4))
+    start[awake:] = [0.5, 0.5 + 8e-7, 0.5, 0.5]
+    once, often = (
+        GridFlow([cost], *np.zeros((2, 20), bool), start.astype(np.float32).ravel()) for _ in range(2)
+    )
+    once.sweep(1)
+    often.sweep(24)
+    moved = (once.potential != often.potential).reshape(5, 4).any(axis=1)
+    assert moved.tolist() == [k < awake for k in range(5)]
+
+
 def test_bricks_swept_alone_receive_flow_of_resting_ones(monkeypatch):
     monkeypatch.setattr("toposeam.heat.bricks._SIDES", {3: (2, 4, 4)})
     monkeypatch.setattr("toposeam.heat.grid_flow._MOST", -1)

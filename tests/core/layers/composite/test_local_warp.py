@@ -46,10 +46,18 @@ def test_what_crosses_a_seam_goes_on(dtype):
         np.testing.assert_array_equal(given.image[:, right:], plain.image[:, right:])
 
 
-def test_layers_move_by_what_they_are_off():
-    layers = two(wave)
-    line = np.array([[160.0, 0.0], [160.0, 300.0]])
-    bent, farthest = bend(layers, [((0, 1), [line])], 6)
+def on_their_side(layers):
+    return [ts.Layer(one.image.swapaxes(0, 1), at=one.at[::-1], name=one.name) for one in layers]
+
+
+@pytest.mark.parametrize("across", [False, True], ids=["downwards", "across"])
+def test_layers_move_by_what_they_are_off(across):
+    layers, line = two(wave), np.array([[160.0, 0.0], [160.0, 300.0]])
+    if across:
+        bent, farthest = bend(on_their_side(layers), [((0, 1), [line[:, ::-1]])], 6)
+        bent = on_their_side(bent)
+    else:
+        bent, farthest = bend(layers, [((0, 1), [line])], 6)
     np.testing.assert_array_equal(bent[0].image, layers[0].image)
     assert 3.5 < farthest < 5
     seen, true = (layer[20:-20].astype(float) for layer in (bent[1].image[:, 36:44], WHOLE[:, 156:164]))

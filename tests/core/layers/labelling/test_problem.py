@@ -266,6 +266,19 @@ def test_reach_is_computed_from_every_second_row_and_column(at):
     assert max(image.seen for image in images) <= np.prod([side // STEP + 1 for side in cost.box.shape])
 
 
+def test_costs_of_layers_on_their_side_are_the_same():
+    """Large overlaps are looked at some rows at a time, and those of one are the columns of the other."""
+    a, b = np.random.default_rng(3).random((2, 300, 300), np.float32)
+    found = []
+    for one, other, at in ((a, b, (20, 8)), (a.T, b.T, (8, 20))):
+        labelling = posed([ts.Layer(one), ts.Layer(other, at=at)], match=ts.seam.MatchCost(reach=32))
+        cost = labelling.costs[0, 1]
+        found.append(cost.on(cost.box))
+    (right, down), (beside, below) = found
+    np.testing.assert_allclose(right, below.T, rtol=1e-4)
+    np.testing.assert_allclose(down, beside.T, rtol=1e-4)
+
+
 def test_costs_of_reduced_overlaps_are_kept_as_far_as_they_may(monkeypatch):
     photograph = data.coffee()[:150, :330]
     layers = [

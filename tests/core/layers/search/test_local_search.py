@@ -113,6 +113,19 @@ def test_best_costs_no_more_than_fast_and_is_a_local_optimum(seed):
     np.testing.assert_array_equal(found, before)
 
 
+@pytest.mark.parametrize(
+    ("most", "large", "settled"), [(3, 1 << 22, True), (3, 1 << 10, False), (0, 1 << 22, False)]
+)
+def test_only_what_is_searched_in_rounds_and_small_is_settled(most, large, settled):
+    labelling = labelling_of(pile(5, alike=True))
+    found = []
+    for windows in (False, True):
+        search = SearchOptions(windows=windows, large_canvas=large)
+        order = range(len(labelling.places))
+        found.append(minimise(problem_of(labelling, search), order, most, False)[0])
+    assert (found[0] != found[1]).any() == settled
+
+
 def test_windows_are_settled_alike_by_other_processes():
     labelling = labelling_of(pile(5, alike=True))
     ends = []
@@ -412,6 +425,22 @@ def test_near_ties_are_looked_for_among_the_open_pixels_or_all(everywhere):
     assert (found > 0) == everywhere
     after = labelling.total(shows, labelling.canvas)
     assert after < 0.9 * before if everywhere else after == before
+
+
+def test_of_few_pixels_all_are_asked_for_near_ties():
+    """At half the size 2088 in the first block of pixels, and 3030 in all, have several layers."""
+    rng, layers = np.random.default_rng(0), []
+    ends = (0, 300), (180, 320), (200, 1200), (1100, 2200), (2060, 2160), (2080, 2200)
+    for k, (left, right) in enumerate(ends):
+        image = np.tile(PHOTOGRAPHS[0][100 + 7 * k : 136 + 7 * k, :350], (1, 4, 1))[:, : right - left]
+        noisy = image + rng.integers(-9, 10, image.shape)
+        layers.append(ts.Layer(np.clip(noisy, 0, 255).astype(np.uint8), at=(left, 0), name=str(k)))
+    labelling, costs = labelling_of(layers), []
+    for few in (0, 2088, 3029, 3030):
+        search = SearchOptions(coarsest=50, shortest=8, near_ties=few)
+        found, _ = minimise(problem_of(labelling, search), range(len(layers)), 3, False)
+        costs.append(labelling.total(found, labelling.canvas))
+    assert costs[0] == costs[1] == costs[2] > costs[3]
 
 
 def test_nearly_shown_layers_at_half_size_may_show_at_full_size():

@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 
 import toposeam as ts
-from toposeam.seam.problem import STEP, MatchCost, Reach, any_by_steps, within_reach
+from toposeam.seam.problem import (
+    STEP,
+    MatchCost,
+    Reach,
+    any_by_steps,
+    costs_on,
+    side_by_side,
+    within_reach,
+)
 from toposeam.seam.problem.blend_reach import CELL
 
 EVERYWHERE = slice(0, 96), slice(0, 128)
@@ -94,6 +102,19 @@ def test_what_a_blend_takes_away_is_taken_from_the_first():
     first, raised, _ = within_reach(reach, a, None, rows, columns, MatchCost(law="gradient"))
     assert first is a
     assert raised is None
+
+
+def test_costs_of_pictures_on_their_side_are_the_same():
+    """Large ones are looked at some rows at a time, and those of one are the columns of the other."""
+    a, b = np.random.default_rng(3).random((2, 300, 300), np.float32)
+    found = []
+    for one, other, side in ((a, b, "right"), (a.T, b.T, "bottom")):
+        overlap = side_by_side(one.shape, side)
+        shared = overlap.shared
+        found.append(costs_on(one, other, overlap, shared, shared, MatchCost(reach=32), None, None))
+    (right, down), (beside, below) = found
+    np.testing.assert_allclose(right, below.T, rtol=1e-4)
+    np.testing.assert_allclose(down, beside.T, rtol=1e-4)
 
 
 def test_squares_of_two_pixels_have_any_of_theirs():

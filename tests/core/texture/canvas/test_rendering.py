@@ -57,6 +57,13 @@ def test_where_no_source_is_known_it_is_0(smooth):
     assert (made[index >= 0] == 9).all()
 
 
+def test_copies_that_agree_are_mixed_to_the_last_bit():
+    values = np.random.default_rng(0).random(50, np.float32)
+    index = np.repeat([[5, 6, 1, 2]], 3, axis=0).astype(np.int32)
+    made = render(index, np.tile(values, (4, 4, 1)), np.ones((4, 4), bool), (False, False), 2)
+    np.testing.assert_array_equal(made, np.tile(values, (3, 4, 1)))
+
+
 def test_pixels_within_reach_of_a_seam_are_near_it_but_no_holes():
     index = np.array([[-1, 0, 1, 9, 10, 11, 12]], np.int32)
     (found,) = near_seams(index, 16, (False, False), 3)

@@ -37,17 +37,22 @@ def counted(index, weight, top, left, height, width, reach, wrap):
     return sums / (height * width)
 
 
+def repeats_of(index, weight, wrap, shorter):
+    """For a canvas that shows an exemplar, and the shorter side that this is said to have."""
+    atlas = SimpleNamespace(shapes=np.array([[shorter, shorter]]), width=weight.shape[1])
+    canvas = IndexCanvas(index.shape, wrap, weight.size)
+    canvas.index[:] = index
+    return Repeats(atlas, canvas, weight, variety=0.5)
+
+
 @pytest.mark.parametrize("wrap", [(False, False), (True, False), (False, True), (True, True)])
 @pytest.mark.parametrize(("top", "left"), [(12, 11), (0, 3), (26, 27)])
 def test_object_repeats_are_counted_across_wrapping_borders(wrap, top, left):
     rng = np.random.default_rng(3)
     index = np.where(rng.random((SIDE, SIDE)) < 0.4, rng.integers(0, SAMPLE**2, (SIDE, SIDE)), -1)
     weight = rng.random((SAMPLE, SAMPLE)).astype(np.float32)
-    atlas = SimpleNamespace(shapes=np.array([[SAMPLE, SAMPLE]]), width=SAMPLE)
-    canvas = IndexCanvas((SIDE, SIDE), wrap, SAMPLE**2)
-    canvas.index[:] = index
     height, width = 4, 3
-    repeats = Repeats(atlas, canvas, weight, variety=0.5)
+    repeats = repeats_of(index, weight, wrap, SAMPLE)
     expected = counted(index, weight, top, left, height, width, round(NEAR * SAMPLE), wrap)
     assert expected.max() > 0
     every = PlaceGrid((top, left), (height, width), 0, 1, expected.shape, EMPTY)
@@ -55,3 +60,19 @@ def test_object_repeats_are_counted_across_wrapping_borders(wrap, top, left):
     np.testing.assert_allclose(repeats.factor(every), 1 + expected, atol=1e-5)
     some = PlaceGrid((top, left), (height, width), 1, 2, (3, 3), EMPTY)
     np.testing.assert_allclose(repeats.share(some), expected[1::2, 1::2][:3, :3], atol=1e-5)
+
+
+def test_twice_as_large_is_looked_at_half_as_closely():
+    """Each pixel four times: places between two are seen as the next one."""
+    rng = np.random.default_rng(3)
+    row, column = rng.integers(0, SAMPLE, (2, SIDE, SIDE))
+    weight = rng.random((SAMPLE, SAMPLE)).astype(np.float32)
+    small = repeats_of(row * SAMPLE + column, weight, (True, True), 24)
+    row, column, wide = (np.kron(values, np.ones((2, 2), int)) for values in (row, column, weight))
+    large = repeats_of(4 * SAMPLE * row + 2 * column, wide.astype(np.float32), (True, True), 48)
+    size = (SAMPLE - 3, SAMPLE - 3)
+    expected = small.share(PlaceGrid((12, 11), (4, 4), 0, 1, size, ((0, 4), (0, 4))))
+    doubled = PlaceGrid((24, 22), (8, 8), 0, 1, (2 * size[0] - 1, 2 * size[1] - 1), ((0, 8), (0, 8)))
+    found = large.share(doubled)
+    nearest = [(np.arange(length) + 1) // 2 for length in found.shape]
+    np.testing.assert_allclose(found, expected[np.ix_(*nearest)], atol=1e-5)

@@ -11,8 +11,10 @@ from toposeam.images import Mask
 
 Floats = npt.NDArray[np.float64]
 
-#: Trials of RANSAC at most, and how sure it shall be to have drawn inliers only.
-_TRIALS, _BATCH, _SURE = 2000, 250, 0.999
+#: Trials of RANSAC at least and at most, so many at once, and how sure it shall be to have drawn inliers only.
+_TRIALS, _BATCH, _SURE = (1000, 2000), 250, 0.999
+#: The best of a batch, which are fitted to all that agree: with parallax many homographies do about as well.
+_LEADERS = 2
 #: Fits of a homography to all that agree, at most.
 _FITS = 6
 _LEAST_MATCHES = 8
@@ -83,21 +85,22 @@ def find_homography(
 
 
 def _most_inliers(a: Floats, b: Floats, near: float) -> Mask | None:
-    """The matches that agree to the best of the homographies through four matches each; the best one of each
-    batch is fitted to all that agree (LO-RANSAC; Chum, Matas and Kittler 2003). Fewer than verify a pair are
-    not looked for.
+    """The matches that agree to the best of the homographies through four matches each; the best ones of
+    each batch are fitted to all that agree (LO-RANSAC; Chum, Matas and Kittler 2003). Fewer than verify a
+    pair are not looked for.
     """
     rng = np.random.default_rng(0)
     best = np.zeros(len(a), bool)
-    for trials in range(_BATCH, _TRIALS + 1, _BATCH):
+    least, most = _TRIALS
+    for trials in range(_BATCH, most + 1, _BATCH):
         chosen = rng.integers(len(a), size=(_BATCH, 4))  # of which the same twice is singular
         agree = _squares_off(_through_four(a[chosen], b[chosen]), a, b) < near
-        if len(agree):
-            leader = _fitted_again(a, b, agree[agree.sum(axis=1).argmax()], near)
-            if leader.sum() > best.sum():
-                best = leader
+        for leader in agree[np.argsort(-agree.sum(axis=1), kind="stable")[:_LEADERS]]:
+            fitted = _fitted_again(a, b, leader, near)
+            if fitted.sum() > best.sum():
+                best = fitted
         missed = 1 - (max(int(best.sum()), _LEAST) / len(a)) ** 4
-        if missed**trials < 1 - _SURE:
+        if trials >= least and missed**trials < 1 - _SURE:
             break
     return best if best.sum() >= _LEAST_MATCHES else None
 

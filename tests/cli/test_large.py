@@ -5,8 +5,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import toposeam as ts
 from toposeam.layers.canvas import BLOCK, Box
+from toposeam_cli.files.scratch import scratch
+from toposeam_cli.media.pictures.raw import Stored
 from toposeam_cli.stitching import windowed_output
+from toposeam_cli.stitching.resample import toned_layers
 from toposeam_cli.stitching.windowed_output import _drawn, _is_full, _marks, _windows
 
 
@@ -64,3 +68,21 @@ def test_a_part_is_full_where_nothing_in_it_is_open(monkeypatch):
         mask = np.ones((15, 12), bool)
         mask[place] = False
         assert not _is_full(mask, box)
+
+
+@pytest.mark.parametrize("shading", [False, True])
+@pytest.mark.parametrize(("dtype", "shape"), [(np.uint8, (300, 90, 3)), (np.uint16, (40, 90))])
+def test_matched_tones_wait_in_files(tmp_path, dtype, shape, shading):
+    most = np.iinfo(dtype).max
+    dark = (np.random.default_rng(0).uniform(0.2, 0.6, shape) * most).astype(dtype)
+    layers = [ts.Layer(dark), ts.Layer((dark[:, 30:] * 1.2).astype(dtype), at=(30, 0))]
+    expected = ts.layers.match_tones(layers, shading=shading)
+    shares = []
+    with scratch(tmp_path) as store:
+        found = toned_layers(layers, shading, store, None, shares.append)
+        for layer, one in zip(found, expected, strict=True):
+            assert isinstance(layer.image, Stored)
+            assert layer.at == one.at
+            np.testing.assert_array_equal(layer.image, one.image)
+    assert shares == [0.5, 1.0]
+    assert not list(tmp_path.iterdir())

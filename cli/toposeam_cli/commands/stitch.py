@@ -50,6 +50,7 @@ from toposeam_cli.stitching.place_options import FindingOptions, finding_options
 from toposeam_cli.stitching.placement_report import found_of, misfits
 from toposeam_cli.stitching.positions import ORDERS, Where, width_round
 from toposeam_cli.stitching.report import crop_at, describe, hidden, is_read, summary_of_all, told_of
+from toposeam_cli.stitching.resample import toned_layers
 from toposeam_cli.stitching.search_options import (
     Means,
     SeamOptions,
@@ -482,7 +483,13 @@ def _stitch_large(
     aligned: ts.layers.Aligned | None,
 ) -> dict[str, Any]:
     """Return the same for pictures larger than memory."""
-    composed = composed_as(job, find, out, files, means.workers)
+    even = job
+    if find.match_tones or find.match_shading:
+        with share_bar("matching tones", out.quiet) as progress:
+            layers = toned_layers(job.layers, bool(find.match_shading), means.store, means.workers, progress)
+        even = dataclasses.replace(job, layers=tuple(layers))
+        find = dataclasses.replace(find, match_tones=None, match_shading=None)
+    composed = composed_as(even, find, out, files, means.workers)
     warnings = [*warnings, *_unseen(composed, find, out)]
     with all_or_nothing():
         with share_bar("writing", out.quiet) as progress:

@@ -1,8 +1,11 @@
-"""Layers laid on the canvas; those that are more than moved are warped by libvips, a strip at a time."""
+"""Layers laid on the canvas, and their tones matched: pixels are computed once, and wait in files.
+
+Layers that are more than moved are warped by libvips, a strip at a time.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
@@ -18,7 +21,7 @@ from toposeam.layers.execution.tasks import Executor, results
 from toposeam_cli.files.scratch import Scratch
 from toposeam_cli.media.pictures.libvips import channels, evaluate, load_vips, to_vips
 from toposeam_cli.media.pictures.picture import Picture
-from toposeam_cli.media.pictures.stored import stored_at
+from toposeam_cli.media.pictures.stored import stored_at, stored_in
 
 #: Rows of the canvas that are warped at once; rows and columns beyond it that a bicubic spline needs.
 _ROWS, _MARGIN = 128, 4
@@ -49,6 +52,35 @@ def placed_layers(
     with scratch.failures_told():
         found = dict(zip(bent, results(executor, _warped, items), strict=True))
     return [found.get(index) or _warped(one) for index, one in enumerate(placed)]
+
+
+def toned_layers(
+    layers: Sequence[ts.Layer],
+    shading: bool,
+    scratch: Scratch,
+    executor: Executor | None,
+    progress: Callable[[float], None] | None = None,
+) -> list[ts.Layer]:
+    """Return the layers with their tones matched. What joins them reads every pixel several times.
+
+    Raises
+    ------
+    OutputError
+        When there is no space.
+    """
+    toned = ts.layers.match_tones(layers, shading=shading, executor=executor)
+    found: list[ts.Layer] = []
+    with scratch.failures_told():
+        for layer in results(executor, _toned, ((layer, scratch.new()) for layer in toned)):
+            found.append(layer)
+            if progress is not None:
+                progress(len(found) / len(toned))
+    return found
+
+
+def _toned(item: tuple[ts.Layer, Path]) -> ts.Layer:
+    layer, waits = item
+    return replace(layer, image=stored_in(waits, Picture(pixels=layer.image)).pixels)
 
 
 def _blank(layer: ts.Layer, transform: Transform) -> ts.Layer:

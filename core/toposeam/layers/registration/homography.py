@@ -11,7 +11,7 @@ from toposeam.images import Mask
 
 Floats = npt.NDArray[np.float64]
 
-#: Trials of RANSAC at least and at most, so many at once, and how sure it shall be to have drawn inliers only.
+#: Trials of RANSAC at least and at most, those of a batch, and how sure it shall be to draw inliers only.
 _TRIALS, _BATCH, _SURE = (1000, 2000), 250, 0.999
 #: The best of a batch, which are fitted to all that agree: with parallax many homographies do about as well.
 _LEADERS = 2

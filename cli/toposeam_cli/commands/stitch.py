@@ -16,6 +16,7 @@ import toposeam as ts
 from toposeam.images import Windows
 from toposeam.layers.composite.local_warp import MOST
 from toposeam.layers.composite.stitch import stitched as ts_stitched
+from toposeam.layers.execution.tasks import Executor
 from toposeam.layers.labelling.posing import check_pairs
 from toposeam.layers.search.options import Effort
 from toposeam.seam.result.drawing import draw_seams
@@ -36,7 +37,7 @@ from toposeam_cli.app.progress import share_bar
 from toposeam_cli.files.writing import all_or_nothing
 from toposeam_cli.jobs.crew import processes_of
 from toposeam_cli.media.pictures.picture import COMPRESSIONS
-from toposeam_cli.stitching.inputs import PlacedPictures, arrange, saved_layout
+from toposeam_cli.stitching.inputs import PlacedPictures, arrange, read_avoid, saved_layout
 from toposeam_cli.stitching.outputs import (
     Cropped,
     Outputs,
@@ -51,12 +52,12 @@ from toposeam_cli.stitching.placement_report import found_of, misfits
 from toposeam_cli.stitching.positions import ORDERS, Where, width_round
 from toposeam_cli.stitching.report import crop_at, describe, hidden, is_read, summary_of_all, told_of
 from toposeam_cli.stitching.resample import toned_layers
+from toposeam_cli.stitching.seam_files import given_seams
 from toposeam_cli.stitching.search_options import (
     Means,
     SeamOptions,
     by_windows,
     check_finding,
-    composed_as,
     correlations,
     means_of,
     shared_work,
@@ -402,7 +403,7 @@ def _stitch(
     warnings = [] if out.quiet else strangers(job, find.wrap, means.workers)
     if job.stored:
         return job, _stitch_large(job, find, out, files, crop, means, [*warnings], aligned)
-    composed = composed_as(job, find, out, files)
+    composed = _composed(job, find, out, files)
     warnings += _unseen(composed, find, out)
     asked = out.as_json or (out.overlay, out.seam, out.history, out.report) != (None,) * 4
     mapped = asked or out.labels is not None or out.output.suffix.lower() == ".ora"
@@ -456,6 +457,52 @@ def _stitch(
     return job, _reported(report, warnings, out)
 
 
+def _composed(
+    job: PlacedPictures,
+    find: SeamOptions,
+    out: Outputs,
+    files: Sequence[Path],
+    executor: Executor | None = None,
+) -> ts.layers.Composition:
+    """Join the layers along seams.
+
+    Raises
+    ------
+    TopoSeamError
+        As :func:`toposeam.layers.compose` raises it, with the file that is meant.
+    """
+    given = find.keywords
+    if find.plain:
+        form = {} if find.formulation is None else {"formulation": find.formulation}
+        given["options"] = ts.seam.ThesisOptions.plain(**form)
+    elif find.formulation is not None:
+        given["formulation"] = find.formulation
+    if find.law is not None:
+        given["cost"] = ts.seam.MatchCost(law=find.law)
+    if find.avoid is not None:
+        given["avoid"] = read_avoid(find.avoid, job.shape, find.max_megapixels)
+    given["max_megapixels"] = max(find.max_megapixels, ts.MAX_PIXELS / 1e6)
+    given["use_path"] = given_seams(find.use_seam, job)
+    given["record_frames"] = out.history is not None
+    try:
+        with share_bar(f"joining {_names(job.layers)}", out.quiet) as progress:
+            return ts.layers.compose(job.layers, executor=executor, progress=progress, **given)
+    except ts.OverlapError as error:
+        if files[0].suffix.lower() != ".ora":
+            raise
+        hint = "if TopoSeam wrote this file, hide the layers it cut and show its group originals"
+        raise error.within("{error}; {hint}", hint=hint) from error
+    except ts.PathError as error:
+        one = find.use_seam[0].path if len(find.use_seam) == 1 else None
+        if one is None or "file" in error.data:
+            raise
+        raise error.within("'{file}': {error}", file=str(one)) from error
+
+
+def _names(layers: Sequence[ts.Layer]) -> str:
+    return f"{layers[0].name} and {layers[1].name}" if len(layers) == 2 else f"{len(layers)} pictures"
+
+
 def _reported(report: str | dict[str, Any], warnings: Sequence[str], out: Outputs) -> dict[str, Any]:
     """Print a report, unless it becomes JSON, and warnings; return the report."""
     found = report if isinstance(report, dict) else {"report": report}
@@ -489,7 +536,7 @@ def _stitch_large(
             layers = toned_layers(job.layers, bool(find.match_shading), means.store, means.workers, progress)
         even = dataclasses.replace(job, layers=tuple(layers))
         find = dataclasses.replace(find, match_tones=None, match_shading=None)
-    composed = composed_as(even, find, out, files, means.workers)
+    composed = _composed(even, find, out, files, means.workers)
     warnings = [*warnings, *_unseen(composed, find, out)]
     with all_or_nothing():
         with share_bar("writing", out.quiet) as progress:

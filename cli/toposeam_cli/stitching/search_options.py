@@ -1,4 +1,4 @@
-"""Options of the seam search, their meaning together, and the call they become."""
+"""Options of the seam search, and their meaning together."""
 
 from __future__ import annotations
 
@@ -15,13 +15,11 @@ from toposeam.layers.execution.tasks import Executor
 from toposeam.layers.search.options import Effort
 from toposeam_cli.app.command import option
 from toposeam_cli.app.options import Keyed
-from toposeam_cli.app.progress import share_bar
 from toposeam_cli.figures.search import check_search
 from toposeam_cli.files.scratch import Scratch, scratch
 from toposeam_cli.jobs.crew import crew
-from toposeam_cli.stitching.inputs import PlacedPictures, read_avoid
+from toposeam_cli.stitching.inputs import PlacedPictures
 from toposeam_cli.stitching.outputs import Outputs
-from toposeam_cli.stitching.seam_files import given_seams
 
 #: Below this correlation two pictures hardly show the same.
 _STRANGE = 0.1
@@ -104,6 +102,12 @@ class SeamOptions:
     wrap: int | None
     give: int | None
 
+    @property
+    def keywords(self) -> dict[str, Any]:
+        """Those given that :class:`toposeam.layers.StitchOptions` has, too."""
+        names = {field.name for field in fields(self)} - _NO_KEYWORDS
+        return {name: value for name in names if (value := getattr(self, name)) is not None}
+
 
 def by_windows(out: Outputs, find: SeamOptions) -> bool:
     """Test whether the result can be made window by window."""
@@ -178,50 +182,3 @@ def _few(sentences: Iterable[str]) -> list[str]:
     found = list(sentences)
     more = len(found) - _SHOWN
     return found if more < 2 else [*found[:_SHOWN], f"the same holds for {more} more pairs of pictures"]
-
-
-def composed_as(
-    job: PlacedPictures,
-    find: SeamOptions,
-    out: Outputs,
-    files: Sequence[Path],
-    executor: Executor | None = None,
-) -> ts.layers.Composition:
-    """Join the layers along seams.
-
-    Raises
-    ------
-    TopoSeamError
-        As :func:`toposeam.layers.compose` raises it, with the file that is meant.
-    """
-    names = {field.name for field in fields(find)} - _NO_KEYWORDS
-    given = {name: value for name in names if (value := getattr(find, name)) is not None}
-    if find.plain:
-        form = {} if find.formulation is None else {"formulation": find.formulation}
-        given["options"] = ts.seam.ThesisOptions.plain(**form)
-    elif find.formulation is not None:
-        given["formulation"] = find.formulation
-    if find.law is not None:
-        given["cost"] = ts.seam.MatchCost(law=find.law)
-    if find.avoid is not None:
-        given["avoid"] = read_avoid(find.avoid, job.shape, find.max_megapixels)
-    given["max_megapixels"] = max(find.max_megapixels, ts.MAX_PIXELS / 1e6)
-    given["use_path"] = given_seams(find.use_seam, job)
-    given["record_frames"] = out.history is not None
-    try:
-        with share_bar(f"joining {_names(job.layers)}", out.quiet) as progress:
-            return ts.layers.compose(job.layers, executor=executor, progress=progress, **given)
-    except ts.OverlapError as error:
-        if files[0].suffix.lower() != ".ora":
-            raise
-        hint = "if TopoSeam wrote this file, hide the layers it cut and show its group originals"
-        raise error.within("{error}; {hint}", hint=hint) from error
-    except ts.PathError as error:
-        one = find.use_seam[0].path if len(find.use_seam) == 1 else None
-        if one is None or "file" in error.data:
-            raise
-        raise error.within("'{file}': {error}", file=str(one)) from error
-
-
-def _names(layers: Sequence[ts.Layer]) -> str:
-    return f"{layers[0].name} and {layers[1].name}" if len(layers) == 2 else f"{len(layers)} pictures"

@@ -150,7 +150,7 @@ def _derivatives(flat: Floats32, place: npt.NDArray[np.intp], strides: Corners) 
 def _described(level: Floats32, at: Complexes, blur: Floats) -> tuple[Complexes, npt.NDArray[np.uint8]]:
     """The points of a level, each once for each of its directions, and their descriptors."""
     down, right = np.gradient(level)
-    gradient = np.pad((down + 1j * right).astype(np.complex64), (1, 2))
+    gradient = (down + 1j * right).astype(np.complex64)
     point, direction = _directions(_sampled(gradient, at, blur, _ROUND))
     at, turned = at[point], np.exp(1j * direction)
     samples = _sampled(gradient, at, blur[point] * turned, _PATCH)
@@ -169,13 +169,10 @@ def _described(level: Floats32, at: Complexes, blur: Floats) -> tuple[Complexes,
 
 
 def _sampled(gradient: Any, at: Complexes, scale: Any, grid: Any) -> Any:
-    """(N, M) complex64: the gradient at a grid laid round each point, bilinear; it has one row and column of
-    zeros before the picture's, and two behind.
-    """
+    """(N, M) complex64: the gradient at a grid laid round each point, bilinear; 0 outside."""
     where = at[:, np.newaxis] + np.multiply.outer(scale, grid)
-    (row, down), (column, right) = (
-        _split(part + 1, size - 2)
-        for part, size in zip((where.real, where.imag), gradient.shape, strict=True)
+    (row, down, high), (column, right, wide) = (
+        _split(part, size - 1) for part, size in zip((where.real, where.imag), gradient.shape, strict=True)
     )
     flat, place = gradient.ravel(), row * gradient.shape[1] + column
 
@@ -184,14 +181,17 @@ def _sampled(gradient: Any, at: Complexes, scale: Any, grid: Any) -> Any:
         return left + right * (flat.take(place + 1) - left)
 
     upper = along(place)
-    return upper + down * (along(place + gradient.shape[1]) - upper)
+    result = upper + down * (along(place + gradient.shape[1]) - upper)
+    result *= high & wide
+    return result
 
 
-def _split(values: Any, last: int) -> tuple[npt.NDArray[np.intp], Floats32]:
-    """Values from 0 to the last, as integers and what is over."""
+def _split(values: Any, last: int) -> tuple[npt.NDArray[np.intp], Floats32, npt.NDArray[np.bool_]]:
+    """Values as integers below the last one and what is over, and which lie between 0 and the last one."""
+    inside = (values >= 0) & (values <= last)
     values = np.clip(values, 0, last)
-    whole = values.astype(np.intp)
-    return whole, (values - whole).astype(np.float32)
+    whole = np.minimum(values.astype(np.intp), last - 1)
+    return whole, (values - whole).astype(np.float32), inside
 
 
 def _directions(samples: Any) -> tuple[npt.NDArray[np.intp], Floats]:

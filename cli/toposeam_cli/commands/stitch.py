@@ -16,7 +16,6 @@ import toposeam as ts
 from toposeam.images import Windows
 from toposeam.layers.composite.local_warp import MOST
 from toposeam.layers.composite.stitch import stitched as ts_stitched
-from toposeam.layers.execution.tasks import Executor
 from toposeam.layers.labelling.posing import check_pairs
 from toposeam.layers.search.options import Effort
 from toposeam.seam.result.drawing import draw_seams
@@ -462,9 +461,9 @@ def _composed(
     find: SeamOptions,
     out: Outputs,
     files: Sequence[Path],
-    executor: Executor | None = None,
+    means: Means | None = None,
 ) -> ts.layers.Composition:
-    """Join the layers along seams.
+    """Join the layers along seams; with `means`, layers whose pixels wait in files.
 
     Raises
     ------
@@ -484,9 +483,18 @@ def _composed(
     given["max_megapixels"] = max(find.max_megapixels, ts.MAX_PIXELS / 1e6)
     given["use_path"] = given_seams(find.use_seam, job)
     given["record_frames"] = out.history is not None
+    layers: Sequence[ts.Layer] = job.layers
+    if means is not None and (find.match_tones or find.match_shading):
+        # What is refused is refused before the pixels are gone through.
+        ts.layers.StitchOptions.of(given)
+        ts.layers.common_canvas(layers, max_megapixels=given["max_megapixels"])
+        with share_bar("matching tones", out.quiet) as progress:
+            layers = toned_layers(layers, bool(find.match_shading), means.store, means.workers, progress)
+        given.update(match_tones=False, match_shading=False)
+    executor = None if means is None else means.workers
     try:
         with share_bar(f"joining {_names(job.layers)}", out.quiet) as progress:
-            return ts.layers.compose(job.layers, executor=executor, progress=progress, **given)
+            return ts.layers.compose(layers, executor=executor, progress=progress, **given)
     except ts.OverlapError as error:
         if files[0].suffix.lower() != ".ora":
             raise
@@ -530,13 +538,7 @@ def _stitch_large(
     aligned: ts.layers.Aligned | None,
 ) -> dict[str, Any]:
     """Return the same for pictures larger than memory."""
-    even = job
-    if find.match_tones or find.match_shading:
-        with share_bar("matching tones", out.quiet) as progress:
-            layers = toned_layers(job.layers, bool(find.match_shading), means.store, means.workers, progress)
-        even = dataclasses.replace(job, layers=tuple(layers))
-        find = dataclasses.replace(find, match_tones=None, match_shading=None)
-    composed = _composed(even, find, out, files, means.workers)
+    composed = _composed(job, find, out, files, means)
     warnings = [*warnings, *_unseen(composed, find, out)]
     with all_or_nothing():
         with share_bar("writing", out.quiet) as progress:

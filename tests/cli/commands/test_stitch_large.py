@@ -88,6 +88,21 @@ def test_what_is_written_is_what_it_is_in_memory(three, toposeam, options, monke
     assert names(three) == names_before
 
 
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ("--offset 40,4 --blend soft --blend-width 20", "has no width"),
+        ("c.png --at 0,0 --at 40,4 --at 40000,40000", "megapixels"),
+    ],
+)
+def test_what_is_refused_is_so_before_tones_match(three, toposeam, stored, monkeypatch, options, told):
+    monkeypatch.setattr("toposeam_cli.commands.stitch.toned_layers", None)
+    before = names(three)
+    words = ["stitch", "a.png", "b.png", "-o", "out.tif", "--match-tones"]
+    toposeam(*words, *options.split()).fails(told)
+    assert names(three) == before
+
+
 def test_two_pictures_and_what_is_told(three, toposeam, stored):
     words = ["a.png", "b.png", "--offset", "40,4", "-o", "out.tif", "--labels", "l.png"]
     ran = toposeam("stitch", *words, "--json")

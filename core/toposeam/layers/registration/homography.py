@@ -45,8 +45,11 @@ class Homography:
 def applied(matrix: Floats, points: Floats) -> Floats:
     """Map (..., M, 2) points by (..., 3, 3) homographies; points at infinity come to lie far away."""
     result = points @ np.swapaxes(matrix[..., :2], -1, -2) + matrix[..., np.newaxis, :, 2]
-    w = result[..., 2:]
-    return np.asarray(result[..., :2] / np.where(np.abs(w) < 1e-12, 1e-12, w))
+    return np.asarray(result[..., :2] / _not_zero(result[..., 2:]))
+
+
+def _not_zero(w: Floats) -> Floats:
+    return np.where(np.abs(w) < 1e-12, 1e-12, w)
 
 
 def find_homography(
@@ -119,7 +122,7 @@ def _fitted_again(a: Floats, b: Floats, agreeing: Mask, near: float) -> Mask:
 def _squares_off(matrices: Floats, a: Floats, b: Floats) -> Floats:
     """(..., M) squares of how far (..., 3, 3) homographies take points `b` from `a`."""
     x, y, w = np.moveaxis(matrices @ np.append(b, np.ones((len(b), 1)), axis=1).T, -2, 0)
-    w = np.where(np.abs(w) < 1e-12, 1e-12, w)
+    w = _not_zero(w)
     return np.asarray(np.square(x / w - a[:, 0]) + np.square(y / w - a[:, 1]))
 
 

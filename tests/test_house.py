@@ -19,7 +19,14 @@ PACKAGES = {
 
 #: Each room, and the rooms its modules may import; within a room everything may import everything that
 #: does not make a circle. A room is a folder, or a module beside the folders; "toposeam" is the public face.
-BASE = {"toposeam.errors", "toposeam.sentence", "toposeam.checks", "toposeam.images", "toposeam.colours"}
+BASE = {
+    "toposeam.arrays",
+    "toposeam.errors",
+    "toposeam.sentence",
+    "toposeam.checks",
+    "toposeam.images",
+    "toposeam.colours",
+}
 BELOW = BASE | {
     "toposeam.saving",
     "toposeam.display",
@@ -32,17 +39,19 @@ CLI_CORE = {"toposeam", "toposeam_cli"} | BASE
 ARROWS = {
     "toposeam": set(),
     "toposeam.__main__": set(),
+    "toposeam.arrays": set(),
     "toposeam.errors": set(),
     "toposeam.sentence": {"toposeam.errors"},
     "toposeam.checks": {"toposeam.errors"},
-    "toposeam.images": {"toposeam.errors", "toposeam.checks"},
-    "toposeam.colours": {"toposeam.errors"},
+    "toposeam.images": {"toposeam.arrays", "toposeam.errors", "toposeam.checks"},
+    "toposeam.colours": {"toposeam.arrays", "toposeam.errors"},
     "toposeam.saving": {"toposeam.checks"},
     "toposeam.display": BASE,
     "toposeam.picture_files": BASE | {"toposeam.display", "toposeam.saving"},
-    "toposeam.heat": {"toposeam.errors", "toposeam.checks"},
-    "toposeam.optimize": {"toposeam.errors", "toposeam.checks"},
+    "toposeam.heat": {"toposeam.arrays", "toposeam.errors", "toposeam.checks"},
+    "toposeam.optimize": {"toposeam.arrays", "toposeam.errors", "toposeam.checks"},
     "toposeam.vector": {
+        "toposeam.arrays",
         "toposeam.errors",
         "toposeam.sentence",
         "toposeam.checks",

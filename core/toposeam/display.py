@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Image
 from toposeam.errors import OptionError
-from toposeam.images import Image, as_array, as_float, full_scale, in_dtype
+from toposeam.images import as_array, as_float, full_scale, in_dtype
 
 if TYPE_CHECKING:
     import PIL.Image

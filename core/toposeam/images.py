@@ -9,11 +9,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Image, Mask
 from toposeam.checks import Name, check_number, is_masked, term_of
 from toposeam.errors import ImageError
-
-Image = npt.NDArray[Any]
-Mask = npt.NDArray[np.bool_]
 
 #: Largest canvas that is made without being asked to: a gigapixel.
 MAX_PIXELS = 10**9

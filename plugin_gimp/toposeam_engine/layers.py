@@ -12,7 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 import toposeam as ts
-from toposeam.images import Image, Mask, full_scale
+from toposeam.arrays import Image, Mask
+from toposeam.images import full_scale
 from toposeam.layers.canvas.layer import Extent
 from toposeam_engine.job import EngineJob
 

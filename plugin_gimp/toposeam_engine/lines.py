@@ -6,12 +6,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 import toposeam as ts
+from toposeam.arrays import Floats
 from toposeam.vector.smooth import TOLERANCES_PX
 
-Floats = npt.NDArray[np.float64]
 #: Longer lines are followed less closely at once: they wander too much for few curves.
 _LONG_PX = 1500
 #: A line that was found may end so many points farther on than one that was traced again.

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 import toposeam as ts
+from toposeam.arrays import Image, Mask
 from toposeam.colours import parse_colour
-from toposeam.images import Image, Mask
 from toposeam.motif.ink.mixing import mix
 from toposeam_engine import animations, motifs, seams, textures
 from toposeam_engine.job import EngineJob

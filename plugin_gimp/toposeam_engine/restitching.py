@@ -12,10 +12,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 import toposeam as ts
-from toposeam.images import Mask
+from toposeam.arrays import Labels, Mask
 from toposeam.layers.canvas.layer import Box, Extent
 from toposeam.vector.polyline import trace_boundary
 from toposeam.vector.svg import SvgSeam
@@ -30,7 +29,6 @@ from toposeam_engine.layers import (
 )
 from toposeam_engine.lines import lines_of
 
-Labels = npt.NDArray[np.int16]
 #: A window reaches so many px beyond the strokes, or as far again as they reach.
 _LEAST_MARGIN = 160
 #: At the window's border so many px stay as they are.

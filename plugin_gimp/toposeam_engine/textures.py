@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 import toposeam as ts
-from toposeam.images import Image, Mask, box_of, full_scale
+from toposeam.arrays import Image, Mask
+from toposeam.images import box_of, full_scale
 from toposeam_engine.job import EngineJob
 from toposeam_engine.layers import colours_of, place_of, with_alpha
 

@@ -19,8 +19,9 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Floats, Floats32
 from toposeam.errors import OptionError, SolverError
-from toposeam.heat.conjugate import DAMPING, Floats, Singles, conjugate_gradients
+from toposeam.heat.conjugate import DAMPING, conjugate_gradients
 
 #: Grids are made coarser until they have no more cubes than this.
 _COARSEST = 300
@@ -190,9 +191,9 @@ class _Level:
     def __init__(self, faces: list[Floats], sink: Floats) -> None:
         self.exact, self.sink = faces, sink
         self.faces = [g.astype(np.float32) for g in faces]
-        self._convection: Singles = sink.astype(np.float32)
+        self._convection: Floats32 = sink.astype(np.float32)
         diagonal = sink + sum(g + np.roll(g, 1, axis) for axis, g in enumerate(faces))
-        self._jacobi: Singles = (1.0 / np.maximum(diagonal, 1e-30)).astype(np.float32)
+        self._jacobi: Floats32 = (1.0 / np.maximum(diagonal, 1e-30)).astype(np.float32)
 
     def coarser(self) -> _Level | None:
         """The grid of 2 × 2 × 2 cubes; None where a side is odd."""
@@ -205,13 +206,13 @@ class _Level:
             faces.append(0.5 * _summed(g[tuple(between)], [other for other in range(3) if other != axis]))
         return _Level(faces, _summed(self.sink, [0, 1, 2]))
 
-    def residual(self, load: Singles, theta: Singles) -> Singles:
+    def residual(self, load: Floats32, theta: Floats32) -> Floats32:
         """Load - K θ."""
-        product: Singles = self._convection * theta
+        product: Floats32 = self._convection * theta
         _add_flow(product, theta, self.faces)
         return load - product
 
-    def sweep(self, load: Singles, theta: Singles, dampings: tuple[np.float32, ...]) -> None:
+    def sweep(self, load: Floats32, theta: Floats32, dampings: tuple[np.float32, ...]) -> None:
         """Jacobi sweeps, in place."""
         for damping in dampings:
             theta += damping * self._jacobi * self.residual(load, theta)
@@ -227,9 +228,9 @@ class _Level:
         inverse: Floats = np.asarray(np.linalg.inv((matrix + matrix.T) / 2), np.float64)
         return inverse
 
-    def solved(self, load: Singles) -> Singles:
+    def solved(self, load: Floats32) -> Floats32:
         """Directly, on the coarsest grid."""
-        solved: Singles = (self._inverse @ load.ravel()).reshape(load.shape).astype(np.float32)
+        solved: Floats32 = (self._inverse @ load.ravel()).reshape(load.shape).astype(np.float32)
         return solved
 
 
@@ -242,7 +243,7 @@ def _summed(values: Floats, axes: list[int]) -> Floats:
     return values
 
 
-def _cycle(levels: list[_Level], load: Singles, depth: int = 0) -> Singles:
+def _cycle(levels: list[_Level], load: Floats32, depth: int = 0) -> Floats32:
     """One W-cycle from zero."""
     level = levels[depth]
     if depth == len(levels) - 1:

@@ -7,7 +7,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-Mask = npt.NDArray[np.bool_]
+from toposeam.arrays import Mask
+
 Index = tuple[slice, ...]
 
 LOW, HIGH = slice(None, -1), slice(1, None)

@@ -15,10 +15,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
-Singles = npt.NDArray[np.float32]
+from toposeam.arrays import Floats, Floats32
 
 #: Eigenvalues of D⁻¹K that the smoother damps, and its two dampings.
 _SMOOTHED = (0.45, 1.6)
@@ -40,7 +38,7 @@ class Solved:
 
 def conjugate_gradients(
     multiply: Callable[[Floats], Floats],
-    cycle: Callable[[Singles], Singles],
+    cycle: Callable[[Floats32], Floats32],
     load: Floats,
     start: Floats | None,
     *,

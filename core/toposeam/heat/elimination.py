@@ -16,6 +16,7 @@ from scipy.linalg.lapack import dpbtrf, dpbtrs, dpotrf, dpotrs
 from scipy.sparse import csc_array, csr_array, triu
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
+from toposeam.arrays import AnyInts, Floats
 from toposeam.errors import SolverError
 
 try:
@@ -23,8 +24,6 @@ try:
 except ImportError:  # there are no wheels for every platform (musl)
     qdldl = None
 
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.signedinteger[Any]]
 #: From loads (n,) to the solutions for them.
 Factor = Callable[[Floats], Floats]
 
@@ -60,7 +59,7 @@ class System(Protocol):
         """
 
 
-def system(n: int, i: Ints, j: Ints, apart: npt.NDArray[np.bool_] | None = None) -> System:
+def system(n: int, i: AnyInts, j: AnyInts, apart: npt.NDArray[np.bool_] | None = None) -> System:
     """The cheapest solver for a pattern.
 
     Parameters
@@ -100,7 +99,7 @@ def system(n: int, i: Ints, j: Ints, apart: npt.NDArray[np.bool_] | None = None)
 class _Dense:
     repeatable = True
 
-    def __init__(self, n: int, i: Ints, j: Ints) -> None:
+    def __init__(self, n: int, i: AnyInts, j: AnyInts) -> None:
         self.n, self.i, self.j = n, i, j
 
     def factor(self, coupling: Floats, diagonal: Floats) -> Factor:
@@ -118,7 +117,7 @@ class _Dense:
 class _Banded:
     repeatable = True
 
-    def __init__(self, n: int, rank: Ints, i: Ints, j: Ints, width: int) -> None:
+    def __init__(self, n: int, rank: AnyInts, i: AnyInts, j: AnyInts, width: int) -> None:
         self.n, self.rank, self.rows = n, rank, width + 1
         # Lower band storage by columns: A[i, j] lies at row i - j of column j.
         self.position = np.minimum(i, j).astype(np.int64) * self.rows + np.abs(i - j)
@@ -147,7 +146,7 @@ class _Sparse:
 
     repeatable = False
 
-    def __init__(self, n: int, i: Ints, j: Ints) -> None:
+    def __init__(self, n: int, i: AnyInts, j: AnyInts) -> None:
         # The upper triangle by columns, the diagonal last in each; pairs come sorted or are sorted here.
         low, high = np.minimum(i, j), np.maximum(i, j)
         order = np.argsort(high.astype(np.int64) * n + low, kind="stable")
@@ -197,7 +196,7 @@ class _Condensed:
     Eliminating r with diagonal d and couplings c_a, c_b … couples each two of its neighbours by c_a c_b / d.
     """
 
-    def __init__(self, n: int, i: Ints, j: Ints, apart: npt.NDArray[np.bool_]) -> None:
+    def __init__(self, n: int, i: AnyInts, j: AnyInts, apart: npt.NDArray[np.bool_]) -> None:
         degree = np.bincount(i, minlength=n) + np.bincount(j, minlength=n)
         gone = apart & (degree <= _MOST_NEIGHBOURS)
         self.gone, self.stay = np.flatnonzero(gone), np.flatnonzero(~gone)

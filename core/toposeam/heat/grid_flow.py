@@ -33,8 +33,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from toposeam.heat.bricks import HIGH, LOW, Bricks, Mask, along
-from toposeam.heat.sweeps import HOT, Floats32, Merged, MergedMoves, Part, Sweeps
+from toposeam.arrays import Floats32, Mask
+from toposeam.heat.bricks import HIGH, LOW, Bricks, along
+from toposeam.heat.sweeps import HOT, Merged, MergedMoves, Part, Sweeps
 
 #: All bricks are swept once in so many sweeps, those in which something moved in between.
 _ALL_EVERY = 25

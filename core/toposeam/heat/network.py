@@ -21,10 +21,11 @@ import numpy.typing as npt
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from toposeam.arrays import AnyInts, Floats
 from toposeam.errors import SolverError
-from toposeam.heat.elimination import Factor, Floats, Ints, System, system
+from toposeam.heat.elimination import Factor, System, system
 
-__all__ = ["Floats", "Ints", "Network"]
+__all__ = ["Network"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,24 +45,24 @@ class Network:
     """
 
     n: int
-    tail: Ints
-    head: Ints
+    tail: AnyInts
+    head: AnyInts
     apart: npt.NDArray[np.bool_] | None = field(default=None, repr=False)
 
     @cached_property
-    def _inner(self) -> Ints:
+    def _inner(self) -> AnyInts:
         """The elements between two free nodes."""
         return np.flatnonzero((self.tail < self.n) & (self.head < self.n))
 
     @cached_property
-    def _ends(self) -> tuple[tuple[Ints, Ints], tuple[Ints, Ints]]:
+    def _ends(self) -> tuple[tuple[AnyInts, AnyInts], tuple[AnyInts, AnyInts]]:
         """For the cold and the hot terminal: the elements that join it to a free node, and that node."""
         low, high = np.minimum(self.tail, self.head), np.maximum(self.tail, self.head)
         cold, hot = (np.flatnonzero((high == terminal) & (low < self.n)) for terminal in (self.n, self.n + 1))
         return (cold, low[cold]), (hot, low[hot])
 
     @property
-    def terminal_elements(self) -> tuple[Ints, Ints]:
+    def terminal_elements(self) -> tuple[AnyInts, AnyInts]:
         """The elements that join a free node to the cold terminal, and to the hot one."""
         (cold, _), (hot, _) = self._ends
         return cold, hot
@@ -123,14 +124,14 @@ class Network:
         """Net flow into every free node, (n,), of a flow (E,) counted from tail to head."""
         return (self._sums(self.head, flow) - self._sums(self.tail, flow))[:-2]
 
-    def _sums(self, node: Ints, values: Floats) -> Floats:
+    def _sums(self, node: AnyInts, values: Floats) -> Floats:
         return np.bincount(node, values, self.n + 2).astype(np.float64, copy=False)
 
     def difference(self, temperature: Floats) -> Floats:
         """Temperature difference |θ_head - θ_tail| of every element, (E,) floats."""
         return np.abs(temperature.take(self.head) - temperature.take(self.tail))
 
-    def components(self, joined: npt.NDArray[np.bool_]) -> Ints:
+    def components(self, joined: npt.NDArray[np.bool_]) -> AnyInts:
         """Merge the nodes that some elements join.
 
         Parameters
@@ -159,10 +160,10 @@ class Network:
         number = np.full(count, -1, np.int32)
         number[cold], number[hot] = count - 2, count - 1
         number[number < 0] = np.arange(count - 2, dtype=np.int32)
-        group: Ints = number[component]
+        group: AnyInts = number[component]
         return group
 
-    def quotient(self, group: Ints) -> tuple[Network, Ints]:
+    def quotient(self, group: AnyInts) -> tuple[Network, AnyInts]:
         """The network between groups of nodes, in which parallel elements are one.
 
         Parameters

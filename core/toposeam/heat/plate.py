@@ -20,8 +20,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from toposeam.arrays import Floats
 from toposeam.errors import OptionError
-from toposeam.heat.plate_joints import Floats, Joint, Shift
+from toposeam.heat.plate_joints import Joint, Shift
 from toposeam.heat.plate_multigrid import Hierarchy, Multigrid, Stencil, pack
 
 #: Conduction of a square element with k = 1.

@@ -23,8 +23,7 @@ import numpy.typing as npt
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int32]
+from toposeam.arrays import Ints32
 
 
 class Joint(StrEnum):
@@ -106,7 +105,7 @@ class Groups:
             total -= float(np.sum(a[self.nodes] * b[self.nodes] * (1.0 - self.share)))
         return total
 
-    def numbering(self, count: int) -> tuple[Ints, int]:
+    def numbering(self, count: int) -> tuple[Ints32, int]:
         """The number of every node's independent temperature θ', (N,) ints, and how many there are."""
         leader = np.arange(count)
         if self._groups:

@@ -27,11 +27,10 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse import coo_array, dia_array
 from scipy.sparse.linalg import splu
 
+from toposeam.arrays import Floats, Floats32
 from toposeam.errors import SolverError
 from toposeam.heat.conjugate import DAMPING, Solved, conjugate_gradients
-from toposeam.heat.plate_joints import Floats, Groups, Joint, Shift
-
-Singles = npt.NDArray[np.float32]
+from toposeam.heat.plate_joints import Groups, Joint, Shift
 
 #: The ten entries of a symmetric 4 × 4 element matrix.
 ENTRIES = [(a, b) for a in range(4) for b in range(a, 4)]
@@ -187,18 +186,18 @@ class PlateLevel:
         self.shape, self.groups = shape, system.groups
         self.matrix = system.matrix(np.float32)
         diagonal = system.diagonal()
-        self._jacobi: Singles = np.divide(
+        self._jacobi: Floats32 = np.divide(
             1.0, diagonal, out=np.zeros_like(diagonal), where=diagonal > 0
         ).astype(np.float32)
 
-    def residual(self, load: Singles, theta: Singles) -> Singles:
+    def residual(self, load: Floats32, theta: Floats32) -> Floats32:
         """Load - K'θ."""
-        product: Singles = self.matrix @ theta
+        product: Floats32 = self.matrix @ theta
         self.groups.gather(product)
         np.subtract(load, product, out=product)
         return product
 
-    def first_sweeps(self, load: Singles) -> Singles:
+    def first_sweeps(self, load: Floats32) -> Floats32:
         """Two sweeps from zero."""
         step = self._jacobi * load
         theta = step * DAMPING[0]
@@ -208,7 +207,7 @@ class PlateLevel:
         theta += step
         return theta
 
-    def last_sweeps(self, load: Singles, theta: Singles) -> None:
+    def last_sweeps(self, load: Floats32, theta: Floats32) -> None:
         """Two sweeps, in place, in the opposite order."""
         for damping in reversed(DAMPING):
             step = self.residual(load, theta)
@@ -216,7 +215,7 @@ class PlateLevel:
             step *= damping
             theta += step
 
-    def restrict(self, residual: Singles, coarse: PlateLevel) -> Singles:
+    def restrict(self, residual: Floats32, coarse: PlateLevel) -> Floats32:
         """Pᵀ, joined: the residual on the next coarser plate."""
         self.groups.once(residual)
         (h, w), (ch, cw) = self.shape, coarse.shape
@@ -235,7 +234,7 @@ class PlateLevel:
         coarse.groups.gather(flat)
         return flat
 
-    def prolong(self, theta: Singles, coarse: PlateLevel) -> Singles:
+    def prolong(self, theta: Floats32, coarse: PlateLevel) -> Floats32:
         """P: a correction from the next coarser plate."""
         (h, w), (ch, cw) = self.shape, coarse.shape
         field = theta.reshape(ch + 1, cw + 1)
@@ -295,7 +294,7 @@ class Multigrid:
     def _direct(self) -> DirectSolver:
         return DirectSolver(self._coarsest)
 
-    def cycle(self, load: Singles, depth: int = 0) -> Singles:
+    def cycle(self, load: Floats32, depth: int = 0) -> Floats32:
         """One V-cycle for a joined load, from zero."""
         if depth == len(self._levels):
             return self._direct.solve(load).astype(np.float32)

@@ -17,8 +17,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from toposeam.arrays import Floats
 from toposeam.heat.plate import Plate
-from toposeam.heat.plate_joints import Floats, Joint
+from toposeam.heat.plate_joints import Joint
 from toposeam.heat.plate_multigrid import Stencil, pack
 
 _COUPLING = 1 / (2 * np.sqrt(3.0))

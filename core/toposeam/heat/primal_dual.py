@@ -32,8 +32,9 @@ from math import isfinite
 
 import numpy as np
 
+from toposeam.arrays import Floats
 from toposeam.errors import SolverError
-from toposeam.heat.network import Floats, Network
+from toposeam.heat.network import Network
 
 #: Share of the way to the boundary that a step goes.
 _REACH = 0.99

@@ -9,11 +9,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.heat.bricks import HIGH, LOW, Bricks, Mask, along
-
-Floats = npt.NDArray[np.float64]
-Floats32 = npt.NDArray[np.float32]
-Ints = npt.NDArray[np.intp]
+from toposeam.arrays import Floats, Floats32, Indices, Mask
+from toposeam.heat.bricks import HIGH, LOW, Bricks, along
 
 #: s: how far the hot terminal's temperature is from the cold one's, in steps that fill a conductor.
 HOT = np.float32(0.15)
@@ -31,8 +28,8 @@ class Merged:
     """Voxels that share one temperature, such as those that must not be divided."""
 
     #: (m,) flat index of each such voxel, and its group.
-    voxel: Ints
-    group: Ints
+    voxel: Indices
+    group: Indices
 
 
 class Sweeps:
@@ -45,8 +42,8 @@ class Sweeps:
         rate: Floats32,
         filled: list[Floats32],
         cost: list[Floats32],
-        lower: list[Ints],
-        upper: list[Ints],
+        lower: list[Indices],
+        upper: list[Indices],
         groups: MergedMoves | None,
     ) -> None:
         self.at, self.ahead, self.rate = at, ahead, rate  #: ψ and ψ̄ in [0, s], τ
@@ -205,7 +202,7 @@ class Part:
 class MergedMoves:
     """The moves of voxels that share one temperature; places are flat indices into arrays of the bricks."""
 
-    def __init__(self, voxel: Ints, group: Ints, size: int, faces: list[_Faces], rate: Floats) -> None:
+    def __init__(self, voxel: Indices, group: Indices, size: int, faces: list[_Faces], rate: Floats) -> None:
         self.voxel, self.group, self._size = voxel, group, size
         self._faces, self._rate = faces, rate
         places = [voxel, *(face.place for face in faces)]
@@ -234,10 +231,10 @@ class MergedMoves:
         rate = np.divide(_PACE, total, out=np.zeros(count), where=total > 0)
         return cls(bricks.at(merged.voxel), merged.group, int(np.prod(bricks.side)), faces, rate)
 
-    def renumbered(self, number: Ints) -> MergedMoves:
+    def renumbered(self, number: Indices) -> MergedMoves:
         """The same where bricks have other numbers."""
 
-        def moved(place: Ints) -> Ints:
+        def moved(place: Indices) -> Indices:
             return number[place // self._size] * self._size + place % self._size
 
         faces = [face._replace(place=moved(face.place)) for face in self._faces]
@@ -268,6 +265,6 @@ class _Faces(NamedTuple):
     """Conductors at one end of merged voxels."""
 
     axis: int
-    place: Ints
-    group: Ints
+    place: Indices
+    group: Indices
     cost: Floats  #: negative where the flow along the axis leaves the group

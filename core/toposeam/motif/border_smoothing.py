@@ -18,6 +18,7 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Floats, Floats32
 from toposeam.colours import LUMA
 from toposeam.motif.ink.mixing import mix
 from toposeam.motif.ink.stroke_edges import beyond, level
@@ -29,10 +30,8 @@ from toposeam.motif.symmetry.borders import line_visibility, reach_of
 from toposeam.motif.symmetry.rules import HEXAGONAL, symmetry
 from toposeam.motif.symmetry.tiling import period, tile
 
-Singles = npt.NDArray[np.float32]
-Floats = npt.NDArray[np.float64]
 #: From a motif's densities to about what is printed of them, on its own elements.
-Print = Callable[[Floats], Singles]
+Print = Callable[[Floats], Floats32]
 
 #: Factors lie within e^±, and this many halvings find one.
 _LARGEST, _HALVINGS = 3.0, 10
@@ -46,7 +45,7 @@ _GENTLE, _DEPTH = 0.25, 4
 _WIDTHS = (1.0, 1.0, *(3.0,) * 8)
 
 
-def calmed(densities: Sequence[Singles], recipe: Recipe, make: Callable[[list[Singles]], Motif]) -> Motif:
+def calmed(densities: Sequence[Floats32], recipe: Recipe, make: Callable[[list[Floats32]], Motif]) -> Motif:
     """Return the motif that `make` gives, of densities whose borders do not show in print.
 
     Parameters
@@ -90,12 +89,12 @@ def _visibilities(motif: Motif) -> Floats:
     return np.array([(line_visibility(one, rows), line_visibility(one.T, columns)) for one in planes])
 
 
-def _level(density: Singles, axis: int, mass: float, edge: str, repeat: str, width: float) -> Singles:
+def _level(density: Floats32, axis: int, mass: float, edge: str, repeat: str, width: float) -> Floats32:
     """Return a density half way to where the print along one border is what it is beside it."""
     bump, before = _bump(density.shape, axis, repeat, width), density.astype(np.float64)
     (balanced,) = _balanced([before], bump, axis, [partial(_print, edge=edge, repeat=repeat)], repeat)
     changed = np.sqrt(balanced * before)
-    with_mass: Singles = np.clip(changed * (mass / changed.mean()), THINNEST, 1.0).astype(np.float32)
+    with_mass: Floats32 = np.clip(changed * (mass / changed.mean()), THINNEST, 1.0).astype(np.float32)
     return with_mass
 
 
@@ -111,7 +110,7 @@ def _excess(density: Floats, axis: int, printed: Print, repeat: str) -> float:
     return float((line / 2 - beside / 4)[border].mean())
 
 
-def _print(density: Floats, edge: str, repeat: str, at: float | None = None) -> Singles:
+def _print(density: Floats, edge: str, repeat: str, at: float | None = None) -> Floats32:
     """About what is printed of a density, on its own elements, with strokes that end at a level, or at that
     of equal mass.
     """

@@ -11,11 +11,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
+from toposeam.arrays import Floats
 from toposeam.colours import LUMA
 from toposeam.errors import ImageError, Term
 from toposeam.images import as_float
-
-Floats = npt.NDArray[np.float64]
 
 #: Strokes wider than this share of the motif's shorter side are thick: where, looking at some hundred motifs,
 #: lines turn into areas.

@@ -28,11 +28,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Floats
 from toposeam.checks import check_range
 from toposeam.errors import OptionError, Term
 from toposeam.optimize.multiplier import find_multiplier
-
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -21,12 +21,11 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
+from toposeam.arrays import Floats
 from toposeam.checks import check_choice, check_range, check_whole
 from toposeam.heat.plate import MOST_ITERATIONS, Plate
 from toposeam.optimize.oc import OCOptions, oc_step
 from toposeam.path.strip import Strip
-
-Floats = npt.NDArray[np.float64]
 
 #: Conductivity of obstacles and of elements without material, relative to the ground's.
 _INSULATION = 1e-6

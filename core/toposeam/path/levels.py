@@ -14,11 +14,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
+from toposeam.arrays import Floats, Ints
 from toposeam.path.gather import PathIteration, PathOptions, gather
 from toposeam.path.trace import trace
 
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
 Cell = tuple[int, int]
 
 #: Grounds of at most so many px are led over as they are.

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
+from toposeam.arrays import Floats
 from toposeam.checks import check_function, check_kind, check_numbers, options_from
 from toposeam.errors import ImageError, OptionError, PathError, Term
 from toposeam.heat.threads import one_thread
@@ -23,9 +24,6 @@ from toposeam.sentence import counted
 from toposeam.vector.polyline import Polyline, check_length
 from toposeam.vector.svg import write_svg
 
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
-Mask = npt.NDArray[np.bool_]
 Point = tuple[float, float]
 
 #: A plate of more px does not fit into the memory of usual machines.

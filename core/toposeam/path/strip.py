@@ -10,10 +10,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Floats
 from toposeam.heat.elimination import system
 from toposeam.heat.plate import CONDUCTION, Temperature
 
-Floats = npt.NDArray[np.float64]
 #: Pairs of an element's corners.
 _FIRST, _SECOND = np.triu_indices(4, 1)
 

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-Floats = npt.NDArray[np.float64]
+from toposeam.arrays import Floats
 
 
 def trace(

@@ -14,8 +14,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from toposeam.arrays import Mask
 from toposeam.heat.threads import one_thread
-from toposeam.images import Mask
 from toposeam.seam.exact.optimum import cut_by_flow, exact_labels
 from toposeam.seam.heat.method import HeatOptions, heat_path
 from toposeam.seam.problem.seam_problem import SeamProblem

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from toposeam.heat.network import Floats, Network
-from toposeam.images import Mask
+from toposeam.arrays import Floats, Mask
+from toposeam.heat.network import Network
 from toposeam.seam.automatic import FLOW_PIXELS
 from toposeam.seam.exact.graph_cut import least_cut
 from toposeam.seam.exact.maximum_flow import minimum_cut

@@ -6,9 +6,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from toposeam.arrays import AnyInts, Floats, Mask
 from toposeam.errors import OverlapError
-from toposeam.heat.network import Floats, Ints
-from toposeam.images import Mask
 from toposeam.seam.problem.overlap import FREE, A, B
 from toposeam.seam.problem.seam_problem import SeamProblem
 
@@ -53,7 +52,7 @@ def dp_labels(problem: SeamProblem) -> Mask:
     )
 
 
-def _cheapest_crossings(crossing: Floats, stepping: Floats) -> Ints:
+def _cheapest_crossings(crossing: Floats, stepping: Floats) -> AnyInts:
     """Per row, the interface (x, x + 1) the seam takes. crossing: (m, n - 1); stepping: (m - 1, n), costs
     between rows.
     """

@@ -10,10 +10,10 @@ from typing import Any, Literal, Unpack, get_args
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Mask
 from toposeam.checks import check_choice, check_function, options_from
 from toposeam.errors import MissingPackageError, OptionError, Term
 from toposeam.heat.threads import one_thread
-from toposeam.images import Mask
 from toposeam.seam.automatic import best_path
 from toposeam.seam.dynamic_programming import dp_labels
 from toposeam.seam.exact.graph_cut import graph_cut_labels, least_cut

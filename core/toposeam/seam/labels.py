@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.images import Mask
+from toposeam.arrays import Mask
 from toposeam.seam.automatic import FLOW_PIXELS
 from toposeam.seam.exact.optimum import cut_by_flow
 from toposeam.seam.find import Method, method_options, solve

@@ -21,10 +21,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
+from toposeam.arrays import Floats
 from toposeam.checks import check_function, check_kind, check_range, check_whole
 from toposeam.errors import OptionError, Term
 from toposeam.heat.block import Block
-from toposeam.heat.conjugate import Floats
 from toposeam.heat.threads import one_thread
 from toposeam.motif.optimise.conduction import VOID, power
 from toposeam.motif.optimise.layer import THINNEST, TOLERANCE

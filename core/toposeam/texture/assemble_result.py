@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Ints32
 from toposeam.images import box_of, full_scale
 from toposeam.texture.canvas.index_canvas import IndexCanvas
 from toposeam.texture.canvas.rendering import Lift, near_seams, render, render_normals, render_seen
 from toposeam.texture.canvas.synthesis import Synthesis
-from toposeam.texture.exemplar.atlas import Atlas, Ints32
+from toposeam.texture.exemplar.atlas import Atlas
 from toposeam.texture.exemplar.sources import Sources
 
 

@@ -12,20 +12,21 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
+from toposeam.arrays import Floats32, Indices, Mask
 from toposeam.checks import Seed, check_choice, check_function, check_whole
 from toposeam.errors import ImageError, OptionError, Term
-from toposeam.images import Mask, box_of
+from toposeam.images import box_of
 from toposeam.texture.assemble_result import finish
 from toposeam.texture.canvas.progress import stage
 from toposeam.texture.canvas.rendering import Lift
 from toposeam.texture.canvas.synthesis import Synthesis
-from toposeam.texture.exemplar.atlas import Atlas, Floats32
+from toposeam.texture.exemplar.atlas import Atlas
 from toposeam.texture.exemplar.patch_search import box_sum
 from toposeam.texture.exemplar.scale import SMALLEST_PATCH
 from toposeam.texture.exemplar.sources import DataRange, Images
 from toposeam.texture.holes.hole_window import Holed, read_holed
 from toposeam.texture.holes.homogeneity import is_texture
-from toposeam.texture.holes.shift_candidates import Shifts, candidate_shifts
+from toposeam.texture.holes.shift_candidates import candidate_shifts
 from toposeam.texture.holes.shift_map import shift_map
 from toposeam.texture.holes.shift_map_moves import Ground
 from toposeam.texture.light.levelling import levelled
@@ -235,7 +236,7 @@ def _stitched(
     near: Mask,
     restricted: bool,
     progress: Callable[[float], None] | None,
-) -> Iterator[tuple[tuple[int, int], Shifts, Mask]]:
+) -> Iterator[tuple[tuple[int, int], Indices, Mask]]:
     """Fill each hole by shifted copies of the picture; yield the corner of each, its shift, and where it
     shows.
     """

@@ -9,6 +9,7 @@ from typing import Any, Unpack
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Floats32
 from toposeam.checks import (
     Seed,
     check_choice,
@@ -24,7 +25,7 @@ from toposeam.texture.canvas.index_canvas import IndexCanvas
 from toposeam.texture.canvas.progress import Previews, stage, together
 from toposeam.texture.canvas.synthesis import Synthesis
 from toposeam.texture.canvas.tileable import Tileable
-from toposeam.texture.exemplar.atlas import Atlas, Floats32
+from toposeam.texture.exemplar.atlas import Atlas
 from toposeam.texture.exemplar.mirror_narrow import widened
 from toposeam.texture.exemplar.scale import SMALLEST_PATCH, patch_for
 from toposeam.texture.exemplar.sources import DataRange, Images, Sources, check_varied

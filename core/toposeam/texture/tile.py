@@ -8,9 +8,10 @@ from typing import Unpack
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Image, Mask
 from toposeam.checks import Seed, check_choice, check_function, check_whole
 from toposeam.errors import ImageError, OptionError, Term
-from toposeam.images import Image, Mask, as_array, as_float, full_scale
+from toposeam.images import as_array, as_float, full_scale
 from toposeam.texture.assemble_result import finish
 from toposeam.texture.canvas.synthesis import Synthesis
 from toposeam.texture.canvas.tileable import Tileable

@@ -13,12 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Floats, Ints, Mask
 from toposeam.checks import check_range
 from toposeam.errors import ImageError, Term
-
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
-Mask = npt.NDArray[np.bool_]
 
 #: Curves end where a contour crosses every so manieth row or column of pixel centres, px.
 ANCHORS_PX = 12

@@ -9,15 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from toposeam.arrays import Floats, Ints, Mask
 from toposeam.checks import check_range
 from toposeam.display import line_svg
 from toposeam.errors import OptionError, PathError, Term
-
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
-Mask = npt.NDArray[np.bool_]
 
 #: A longer line is not followed pixel by pixel, px to the side and down.
 _LONGEST_PX = 1e6

@@ -14,9 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from toposeam.arrays import Floats, Ints
 from toposeam.checks import check_kind, check_number
 from toposeam.display import line_svg
-from toposeam.vector.polyline import Floats, Ints, Polyline, check_length
+from toposeam.vector.polyline import Polyline, check_length
 
 #: How far the curves may be from the line, px: the first value with few enough anchors, else the last one.
 TOLERANCES_PX: tuple[float, ...] = (2.0, 2.25, 2.5)

@@ -17,10 +17,11 @@ from typing import Any
 
 import numpy as np
 
+from toposeam.arrays import Floats
 from toposeam.checks import check_pair
 from toposeam.errors import OptionError, PathError, Term
 from toposeam.sentence import counted
-from toposeam.vector.polyline import Floats, Polyline
+from toposeam.vector.polyline import Polyline
 from toposeam.vector.svg_document import NAMESPACE, document_of, name_of, parse, settings_of, tag_of
 from toposeam.vector.svg_shapes import PX, SHAPES, Budget, length_px, polylines_of, transform_of
 

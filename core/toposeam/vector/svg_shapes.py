@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from toposeam.arrays import Floats
 from toposeam.errors import PathError
-from toposeam.vector.polyline import Floats, Polyline
+from toposeam.vector.polyline import Polyline
 from toposeam.vector.svg_document import name_of, tag_of
 
 #: Most points that are read, curves flattened.

@@ -19,11 +19,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Bytes, Mask
 from toposeam.checks import is_masked
 from toposeam.errors import ImageError, MissingPackageError, OverlapError, Term
 from toposeam.heat.bricks import HIGH, LOW, along
 from toposeam.heat.threads import one_thread
-from toposeam.images import Mask
 from toposeam.seam.problem.match_cost import MatchCost
 from toposeam.seam.problem.overlap import FREE, A, B, Overlap
 from toposeam.volume.heat.block_surface import (
@@ -47,7 +47,6 @@ _REACH = 3
 #: Bits of a voxel's state.
 _SHOWS_B, _FIXED = np.uint8(1), np.uint8(2)
 
-_State = npt.NDArray[np.uint8]
 _BLOCK_OPTIONS = SurfaceOptions(tolerance=2e-3, max_iterations=1000, whole=10**9)
 #: Runs that were interrupted.
 _STOPPED: set[str] = set()
@@ -271,7 +270,7 @@ def _first_state(
     ground: dict[tuple[int, bool], int],
     shape: tuple[int, ...],
     block_info: Any = None,
-) -> _State:
+) -> Bytes:
     """Return the first labels of a block."""
     place = block_info[None]["array-location"]
     low = [first // side for (first, _), side in zip(place, span, strict=True)]
@@ -284,7 +283,7 @@ def _first_state(
         slice(first - at * side, last - at * side)
         for at, (first, last), side in zip(low, place, span, strict=True)
     )
-    state: _State = fine[inner].astype(np.uint8)
+    state: Bytes = fine[inner].astype(np.uint8)
     side = block_sides(state.shape, ground, [first for first, _ in place], shape)
     state[side == A] = _FIXED
     state[side == B] = _FIXED | _SHOWS_B
@@ -292,7 +291,7 @@ def _first_state(
 
 
 def _settled(
-    state: _State,
+    state: Bytes,
     a: Any,
     b: Any,
     cost: MatchCost,
@@ -301,7 +300,7 @@ def _settled(
     reach: int,
     run: str,
     block_info: Any = None,
-) -> _State:
+) -> Bytes:
     """Return the labels of a block with a voxel around it, without what is around it."""
     _go_on(run)
     inner, held = [], (state[..., 0] & _FIXED) > 0
@@ -338,5 +337,5 @@ def _settled(
         changed = labels.copy()
         changed[here] = problem.complete(solution.labels)
         labels = changed
-    result: _State = (labels.astype(np.uint8) | (state[..., 0] & _FIXED))[..., np.newaxis]
+    result: Bytes = (labels.astype(np.uint8) | (state[..., 0] & _FIXED))[..., np.newaxis]
     return result[trimmed]

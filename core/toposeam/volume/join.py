@@ -10,15 +10,15 @@ from typing import Any, Unpack
 
 import numpy as np
 
+from toposeam.arrays import Mask, Volume
 from toposeam.checks import check_function, check_number, check_numbers, check_whole
 from toposeam.display import to_png
 from toposeam.errors import ImageError
-from toposeam.images import Mask
 from toposeam.seam.problem.match_cost import MatchCost, check_no_reach, match_options
 from toposeam.volume.find import find_surface
 from toposeam.volume.heat.method import SurfaceKeywords, SurfaceOptions
 from toposeam.volume.mesh import Mesh, mesh_of
-from toposeam.volume.problem.arrays import Volume, as_volume
+from toposeam.volume.problem.arrays import as_volume
 from toposeam.volume.problem.canvas import Places, placed
 from toposeam.volume.problem.posing import check_spacing
 from toposeam.volume.surface import Surface

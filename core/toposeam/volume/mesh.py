@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
+from toposeam.arrays import Mask
 from toposeam.errors import OverlapError
-from toposeam.images import Mask
 from toposeam.saving import save
 
 

@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
+from toposeam.arrays import Mask
 from toposeam.checks import check_number
 from toposeam.display import to_png
-from toposeam.images import Mask
 from toposeam.optimize.history import Iteration, Termination
 from toposeam.seam.exact.graph_cut import least_cut
 from toposeam.volume.mesh import Mesh, mesh_of

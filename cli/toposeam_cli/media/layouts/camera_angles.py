@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from toposeam.layers.canvas.transforms import Floats
+from toposeam.arrays import Floats
 
 
 def turned_camera(yaw: float, pitch: float, roll: float) -> Floats:

@@ -25,13 +25,13 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
+from toposeam.arrays import Floats32, Image, Labels, Mask
 from toposeam.checks import check_choice
 from toposeam.errors import OptionError, Term
-from toposeam.images import Image, Mask, as_planes, box_of, full_scale, in_dtype
+from toposeam.images import as_planes, box_of, full_scale, in_dtype
 from toposeam.layers.blending.gradient_domain import correction, lying_inside
 from toposeam.layers.blending.multiband import Contribution, Mixture
 from toposeam.layers.canvas.layer import Box, Layer, cut
-from toposeam.layers.canvas.painting import LabelMap
 from toposeam.layers.canvas.tile_map import dense, uniform
 from toposeam.seam.result.seam import Seam, potential_on_window
 
@@ -47,8 +47,6 @@ WIDEST = 512.0
 
 _SETTLED = 1e-3  # shares below this count as none
 
-Floats32 = npt.NDArray[np.float32]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Placed:
@@ -59,7 +57,7 @@ class Placed:
     #: Per layer, on its place, where it has pixels it may show.
     covered: Sequence[Mask]
     #: (H, W) int16.
-    label_map: LabelMap
+    label_map: Labels
 
     @property
     def box(self) -> Box:
@@ -173,7 +171,7 @@ class Blender:
         self._width = width = WIDTHS.get(blend) if width is None else width
         #: How far a seam changes pixels, how far beyond pixels matter to that, and on which grid.
         self._reach = self._beyond = self._step = 1
-        self._mix: Callable[[Box, LabelMap, list[int]], tuple[Floats32, Floats32 | None, Mask]] | None = None
+        self._mix: Callable[[Box, Labels, list[int]], tuple[Floats32, Floats32 | None, Mask]] | None = None
         if blend == "multiband":
             levels = max(1, round(np.log2(width or 1.0)))
             self._step = 2**levels
@@ -278,11 +276,11 @@ class _Fade:
     """Layers mixed by weights that add up to 1, given on what each has in common with a box."""
 
     def __init__(
-        self, placed: Placed, weights: Callable[[Box, LabelMap, list[int]], dict[int, Floats32]]
+        self, placed: Placed, weights: Callable[[Box, Labels, list[int]], dict[int, Floats32]]
     ) -> None:
         self._placed, self._weights = placed, weights
 
-    def mix(self, box: Box, shows: LabelMap, index: list[int]) -> tuple[Floats32, Floats32 | None, Mask]:
+    def mix(self, box: Box, shows: Labels, index: list[int]) -> tuple[Floats32, Floats32 | None, Mask]:
         placed = self._placed
         channels = _channels(placed)
         colour = np.zeros((channels, *box.shape), np.float32)
@@ -313,7 +311,7 @@ class _Feather:
     def __init__(self, placed: Placed, size: int) -> None:
         self._placed, self._size = placed, size
 
-    def weights(self, box: Box, shows: LabelMap, index: list[int]) -> dict[int, Floats32]:
+    def weights(self, box: Box, shows: Labels, index: list[int]) -> dict[int, Floats32]:
         ground = shows >= 0
         reach: Floats32 = np.maximum(
             self._smooth(ground), np.float32(0.5 / self._size**2)
@@ -343,7 +341,7 @@ class _Soft:
     def __init__(self, places: Sequence[Box], fadings: Sequence[Fading]) -> None:
         self._places, self._fadings = places, fadings
 
-    def weights(self, box: Box, shows: LabelMap, index: list[int]) -> dict[int, Floats32]:
+    def weights(self, box: Box, shows: Labels, index: list[int]) -> dict[int, Floats32]:
         result = {k: (shows == k).astype(np.float32) for k in index}
         for fading in self._fadings:
             i, j = fading.pair
@@ -365,7 +363,7 @@ class _Multiband:
     def __init__(self, placed: Placed, levels: int) -> None:
         self._placed, self._levels = placed, levels
 
-    def mix(self, box: Box, shows: LabelMap, index: list[int]) -> tuple[Floats32, None, Mask]:
+    def mix(self, box: Box, shows: Labels, index: list[int]) -> tuple[Floats32, None, Mask]:
         placed = self._placed
         channels = _channels(placed)
         mixed = np.zeros((channels, *box.shape), np.float32)

@@ -22,20 +22,18 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Floats, Image, Labels, Mask
 from toposeam.heat.poisson import add_steps, spread, spread_within
-from toposeam.images import Image, Mask, box_of
+from toposeam.images import box_of
 from toposeam.layers.canvas.layer import Box, Layer
-from toposeam.layers.canvas.painting import LabelMap
 from toposeam.layers.canvas.tile_map import dense
-
-Floats = npt.NDArray[np.float64]
 
 
 def correction(
     layers: Sequence[Layer],
     places: Sequence[Box],
     covered: Sequence[Mask],
-    label_map: LabelMap,
+    label_map: Labels,
     channel: int,
     width: float | None,
     goes_round: bool = False,
@@ -102,7 +100,7 @@ def lying_inside(covered: Sequence[Mask], places: Sequence[Box]) -> Mask:
     return inside
 
 
-def _differ(label_map: LabelMap, axis: int) -> Mask:
+def _differ(label_map: Labels, axis: int) -> Mask:
     """(H, W) bool: pixels whose right (axis 1) or lower (axis 0) neighbour shows another layer."""
     result = np.zeros(label_map.shape, bool)
     s, t = ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:]))[1 - axis]

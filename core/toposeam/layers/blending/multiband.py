@@ -20,13 +20,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from toposeam.images import Mask
+from toposeam.arrays import Floats32, Mask
 from toposeam.layers.canvas.layer import Box
 from toposeam.seam.problem.pyramid import expand, expand_part, gaussian, in_runs, reduce
-
-Floats32 = npt.NDArray[np.float32]
 
 #: Weight of bands that were made up, and what keeps sums of weights from being 0.
 _MADE_UP, _LEAST = np.float32(1e-3), np.float32(1e-9)

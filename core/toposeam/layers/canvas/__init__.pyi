@@ -2,7 +2,7 @@ from .border_bands import full_within, rim, rimmed
 from .connected_components import pieces_of
 from .largest_rectangle import largest_full
 from .layer import MAX_MEGAPIXELS, Box, Extent, Layer, as_layers, check_layers, common_canvas, cut, extent_of
-from .painting import LabelMap, channel_count, paint
+from .painting import channel_count, paint
 from .resampling import placed
 from .side_by_side import overlapping
 from .tile_map import (
@@ -29,7 +29,6 @@ from .transforms import (
     NOWHERE,
     PROJECTIONS,
     CameraTransform,
-    Floats,
     PlaneTransform,
     Projection,
     Transform,
@@ -52,8 +51,6 @@ __all__ = [
     "Box",
     "CameraTransform",
     "Extent",
-    "Floats",
-    "LabelMap",
     "Layer",
     "PlaneTransform",
     "Projection",

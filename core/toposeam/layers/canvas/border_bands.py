@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from toposeam.images import Mask
+from toposeam.arrays import Mask
 from toposeam.layers.canvas.layer import Box
 from toposeam.layers.canvas.tile_map import EDGES, TileMap, blocks, new_map, uniform
 

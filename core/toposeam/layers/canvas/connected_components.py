@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.images import Mask
+from toposeam.arrays import Mask
 
 
 def pieces_of(mask: Mask) -> tuple[npt.NDArray[np.int32], int]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from toposeam.images import Mask
+from toposeam.arrays import Mask
 from toposeam.layers.canvas.layer import Box
 from toposeam.layers.canvas.tile_map import any_of, dense
 

@@ -10,9 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Image, Mask
 from toposeam.checks import check_items, check_kind, check_number, check_pair
 from toposeam.errors import ImageError, OptionError, Term
-from toposeam.images import MAX_PIXELS, Image, Mask, Windows, as_array, as_mask, full_scale
+from toposeam.images import MAX_PIXELS, Windows, as_array, as_mask, full_scale
 
 #: Largest canvas that is made without being asked to.
 MAX_MEGAPIXELS = MAX_PIXELS / 1e6

@@ -5,22 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from toposeam.arrays import Image, Labels
 from toposeam.errors import ImageError
-from toposeam.images import Image, full_scale
+from toposeam.images import full_scale
 from toposeam.layers.canvas.layer import Box, Layer
 
 _TILE = 256  # px; most tiles show one layer
-
-#: The layer that shows at each pixel of the canvas, -1 for none.
-LabelMap = npt.NDArray[np.int16]
 
 
 def paint(
     layers: Sequence[Layer],
     places: Sequence[Box],
-    label_map: LabelMap,
+    label_map: Labels,
     at: Box,
     channels: int | None,
     onto: tuple[Image, Image] | None = None,

@@ -14,7 +14,7 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.images import Mask
+from toposeam.arrays import Mask
 from toposeam.layers.canvas.layer import Box, Layer
 from toposeam.layers.canvas.packed_runs import packed, unpacked
 

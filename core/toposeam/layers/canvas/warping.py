@@ -10,18 +10,17 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
+from toposeam.arrays import Complexes, Floats, Mask
 from toposeam.errors import OptionError
-from toposeam.images import Mask, check_values, full_scale, in_dtype
+from toposeam.images import check_values, full_scale, in_dtype
 from toposeam.layers.canvas.layer import Box, Layer
-from toposeam.layers.canvas.transforms import Floats, Transform, is_move, reach
+from toposeam.layers.canvas.transforms import Transform, is_move, reach
 
 #: Side of the blocks, px; beyond a block's own pixels a spline needs so many (its coefficients fall to a
 #: thousandth over five).
 _BLOCK, _MARGIN = 256, 12
 #: Coordinates are computed at every so many px and between them linearly.
 _STEP = 8
-
-Complex = npt.NDArray[np.complex128]
 
 
 def warped_box(layer: Layer, transform: Transform) -> Box:
@@ -53,7 +52,7 @@ def coordinates(transform: Transform, box: Box) -> Floats:
     return _between(_between(points.T, down, rows).T, across, columns).view(np.float64).reshape(*box.shape, 2)
 
 
-def _between(values: Complex, knots: npt.NDArray[np.intp], count: int) -> Complex:
+def _between(values: Complexes, knots: npt.NDArray[np.intp], count: int) -> Complexes:
     """(n, count) linear interpolation of (n, K) values at knots."""
     change = np.zeros_like(values)
     np.subtract(values[:, 1:], values[:, :-1], out=change[:, :-1])

@@ -16,10 +16,11 @@ from typing import Any, cast
 
 import numpy as np
 
-from toposeam.images import Image, Windows, in_dtype
+from toposeam.arrays import Image, Labels
+from toposeam.images import Windows, in_dtype
 from toposeam.layers.blending.blend import Blend, Blender, Fading, Placed
 from toposeam.layers.canvas.layer import Box, Extent, Layer
-from toposeam.layers.canvas.painting import LabelMap, paint
+from toposeam.layers.canvas.painting import paint
 from toposeam.layers.canvas.tile_map import BLOCK, blocks, part_of
 from toposeam.layers.execution.tasks import Executor
 from toposeam.layers.labelling.problem import Pair
@@ -159,12 +160,12 @@ class Composition:
             if not any((placed.label_map[box.slices] == k).any() for box in blocks(place))
         )
 
-    def labels(self, rows: slice, columns: slice) -> LabelMap:
+    def labels(self, rows: slice, columns: slice) -> Labels:
         """(h, w) int16, the number of the layer that shows in a window of the canvas; -1 where none does."""
         bounds = (part.indices(side)[:2] for part, side in zip((rows, columns), self.shape, strict=True))
         (top, bottom), (left, right) = bounds
         label_map = self._placed.label_map
-        labels: LabelMap = label_map[top:bottom, left + self._begin : right + self._begin]
+        labels: Labels = label_map[top:bottom, left + self._begin : right + self._begin]
         return labels.copy() if isinstance(label_map, np.ndarray) else labels  # maps of tiles give copies
 
     def window(self, rows: slice, columns: slice) -> tuple[Image, Image]:

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from toposeam.arrays import Labels
 from toposeam.images import box_of
 from toposeam.layers.canvas.layer import Box
-from toposeam.layers.canvas.painting import LabelMap
 from toposeam.layers.canvas.tile_map import BLOCK, dense, part_of, several
 from toposeam.layers.composite.composition import Totals
 from toposeam.layers.execution.tasks import Executor, results
@@ -37,7 +37,7 @@ class _Between:
     pair: Pair
     cost: PairCost
     canvas: Box
-    label_map: LabelMap
+    label_map: Labels
 
 
 def _measured(between: _Between) -> tuple[int, float, Verdict]:
@@ -64,7 +64,7 @@ class Made:
     """The seams of a label map."""
 
     labelling: Labelling
-    label_map: LabelMap
+    label_map: Labels
     report: Report
     #: Pairs whose seam was not searched.
     given: Collection[Pair]

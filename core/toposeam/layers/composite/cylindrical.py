@@ -15,10 +15,10 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Labels, Mask
 from toposeam.errors import OptionError
-from toposeam.images import Mask, Windows, full_scale
+from toposeam.images import Windows, full_scale
 from toposeam.layers.canvas.layer import Box, Extent, Layer
-from toposeam.layers.canvas.painting import LabelMap
 from toposeam.layers.canvas.tile_map import BLOCK, made_map, occupied_columns
 from toposeam.layers.labelling.problem import Pair
 from toposeam.layers.search.two_label_band import SeamHeat
@@ -133,7 +133,7 @@ def best_cut(layers: Sequence[Layer], period: int) -> tuple[int, int]:
     return (start + (int(first[longest]) + int(last[longest])) // 2) % period, int(count.min())
 
 
-def turned_map(label_map: Any, period: int, start: int, width: int) -> LabelMap:
+def turned_map(label_map: Any, period: int, start: int, width: int) -> Labels:
     """Some columns of a map of labels on a round canvas, from column `start`."""
     source = _Plus(label_map)
     columns = Turned(source, 0, period, start, width)

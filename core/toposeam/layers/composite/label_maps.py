@@ -13,11 +13,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Labels
 from toposeam.errors import ImageError, Term
 from toposeam.images import as_mask
 from toposeam.layers.blending.blend import Blend, Placed
 from toposeam.layers.canvas.layer import Extent, Layer, cut
-from toposeam.layers.canvas.painting import LabelMap, channel_count
+from toposeam.layers.canvas.painting import channel_count
 from toposeam.layers.canvas.tile_map import blocks, new_map
 from toposeam.layers.composite.composition import Composition, Totals
 from toposeam.layers.composite.composition_seams import Made
@@ -207,11 +208,11 @@ def _by_rounds(
     )
 
 
-def masked(ground: LayersOnCanvas, masks: Sequence[npt.ArrayLike] | None) -> LabelMap:
+def masked(ground: LayersOnCanvas, masks: Sequence[npt.ArrayLike] | None) -> Labels:
     """Compute the label map that masks on the canvas say, of which later ones win; None shows every layer
     wherever it has pixels. What no mask gives to anybody is the first layer's that has pixels there.
     """
-    label_map: LabelMap = new_map(ground.canvas.shape, -1, np.int16)
+    label_map: Labels = new_map(ground.canvas.shape, -1, np.int16)
     for box in blocks(ground.canvas.box):
         labels = np.full(box.shape, -1, np.int16)
         for index, (place, cover) in enumerate(zip(ground.places, ground.covered, strict=True)):

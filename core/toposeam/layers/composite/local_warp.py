@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
+from toposeam.arrays import Floats
 from toposeam.checks import check_whole
 from toposeam.errors import OptionError, Term
 from toposeam.images import as_float, full_scale, in_dtype
@@ -25,8 +26,6 @@ from toposeam.layers.canvas.warping import inside, interpolated, resampled
 from toposeam.layers.composite.composition import Composition
 from toposeam.layers.composite.cylindrical import narrowed
 from toposeam.layers.labelling.problem import Pair
-
-Floats = npt.NDArray[np.float64]
 
 #: Largest displacement, px.
 MOST = 32

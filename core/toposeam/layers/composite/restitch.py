@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
+from toposeam.arrays import Labels
 from toposeam.checks import check_items
 from toposeam.errors import OptionError, PathError, Term
 from toposeam.images import as_mask
@@ -21,7 +22,6 @@ from toposeam.layers.canvas.layer import (
     common_canvas,
     extent_of,
 )
-from toposeam.layers.canvas.painting import LabelMap
 from toposeam.layers.canvas.tile_map import blocks, cover_of, dense
 from toposeam.layers.composite.label_maps import Labelled, SeamSearch, check_alike, labelled, masked
 from toposeam.layers.composite.options import StitchOptions
@@ -110,7 +110,7 @@ def restitch(
     return stitched(found.composition(layers, "feather" if blend == "soft" else blend, blend_width))
 
 
-def _divide(ground: LayersOnCanvas, label_map: LabelMap, pair: Pair, drawing: SvgSeam) -> Seam:
+def _divide(ground: LayersOnCanvas, label_map: Labels, pair: Pair, drawing: SvgSeam) -> Seam:
     """Divide what a pair shows along a path, in place."""
     layers, canvas = ground.layers, ground.canvas
     both = []

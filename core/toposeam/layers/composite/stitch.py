@@ -11,10 +11,10 @@ from typing import Any, Unpack
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Image, Labels, Mask
 from toposeam.display import to_png
-from toposeam.images import Image, Mask, full_scale
+from toposeam.images import full_scale
 from toposeam.layers.canvas.layer import Layer
-from toposeam.layers.canvas.painting import LabelMap
 from toposeam.layers.composite.compose import compose
 from toposeam.layers.composite.composition import Composition, Outline
 from toposeam.layers.composite.options import StitchKeywords, with_signature
@@ -46,7 +46,7 @@ class Stitched(PictureResult):
     #: (H, W) opacity in the layers' dtype, or None where every pixel is opaque.
     alpha: npt.NDArray[Any] | None
     #: (H, W) int16, the number of the layer that shows at each pixel; -1 where none has pixels.
-    label_map: LabelMap
+    label_map: Labels
     #: The seams, or what makes them.
     _seams: tuple[Seam, ...] | Callable[[], tuple[Seam, ...]]
     #: Which two layers each seam divides, by number; ``b`` of the seam is the second one.

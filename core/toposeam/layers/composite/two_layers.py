@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from toposeam.arrays import Labels, Mask
 from toposeam.checks import check_kind, check_pair
 from toposeam.errors import OptionError, OverlapError, PathError, Term
-from toposeam.images import Mask
 from toposeam.layers.blending.blend import Placed
 from toposeam.layers.canvas.layer import Box, Extent, Layer, cut
-from toposeam.layers.canvas.painting import LabelMap, channel_count, paint
+from toposeam.layers.canvas.painting import channel_count, paint
 from toposeam.layers.canvas.tile_map import blocks, dense, is_empty, new_map
 from toposeam.layers.labelling.posing import exclusive_covers, meets
 from toposeam.layers.labelling.problem import Pair
@@ -65,7 +65,7 @@ class LayersOnCanvas:
                 )
         return cls(layers, canvas, places, covered)
 
-    def showing(self, label_map: LabelMap) -> Placed:
+    def showing(self, label_map: Labels) -> Placed:
         """Return the layers with a label map, which says where each shows."""
         return Placed(layers=self.layers, places=self.places, covered=self.covered, label_map=label_map)
 
@@ -75,7 +75,7 @@ def join(
     common: Mapping[str, Any],
     settings: Mapping[str, Any],
     drawing: SvgSeam | None = None,
-) -> tuple[Seam, LabelMap]:
+) -> tuple[Seam, Labels]:
     """Find the seam of the second of two layers with the first, or apply a drawn one.
 
     Parameters
@@ -131,9 +131,9 @@ def join(
     return moved_seam(seam, box, two.canvas, label_map, 1), label_map
 
 
-def _shown(two: LayersOnCanvas, seam: Seam, box: Box) -> LabelMap:
+def _shown(two: LayersOnCanvas, seam: Seam, box: Box) -> Labels:
     """Compute the label map of two layers and their seam on a box of the canvas."""
-    label_map: LabelMap = new_map(two.canvas.shape, -1, np.int16)
+    label_map: Labels = new_map(two.canvas.shape, -1, np.int16)
     for index, (place, cover) in enumerate(zip(two.places, two.covered, strict=True)):
         for part in blocks(place):
             here = cut(cover, place, part)
@@ -153,7 +153,7 @@ def _on_box(drawing: SvgSeam, box: Box) -> SvgSeam:
     return dataclasses.replace(drawing, polylines=lines, height=box.shape[0], width=box.shape[1])
 
 
-def moved_seam(seam: Seam, box: Box, canvas: Extent, label_map: LabelMap, index: int) -> Seam:
+def moved_seam(seam: Seam, box: Box, canvas: Extent, label_map: Labels, index: int) -> Seam:
     """A seam on a box of the canvas as one on the canvas; `index` is the number of its second layer."""
     overlap = seam.problem.overlap
     start = overlap.start[0] + box.top, overlap.start[1] + box.left

@@ -6,9 +6,9 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any, cast
 
+from toposeam.arrays import Mask
 from toposeam.checks import check_whole
 from toposeam.errors import OptionError, Term
-from toposeam.images import Mask
 from toposeam.layers.blending.blend import Blend, Placed
 from toposeam.layers.canvas.layer import Extent, Layer
 from toposeam.layers.composite.composition_seams import Made

@@ -15,17 +15,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.images import Image
+from toposeam.arrays import AnyFloats, Image
 
-Light = npt.NDArray[np.floating[Any]]
-
-#: Light up to which nothing rolls off: a value of 0.8.
+#: AnyFloats up to which nothing rolls off: a value of 0.8.
 KNEE = 0.6
 #: Up to this value encoding is a straight line; and its light.
 STRAIGHT, _STRAIGHT_LIGHT = 0.04045, 0.0031308
 
 
-def decoded(shares: npt.ArrayLike) -> Light:
+def decoded(shares: npt.ArrayLike) -> AnyFloats:
     """The light of values, as shares of white.
 
     Examples
@@ -35,11 +33,11 @@ def decoded(shares: npt.ArrayLike) -> Light:
     """
     shares = np.asarray(shares, None if hasattr(shares, "dtype") else float)
     curved = (np.maximum(shares, STRAIGHT) + 0.055) / 1.055
-    result: Light = np.where(shares <= STRAIGHT, shares / 12.92, curved**2.4)
+    result: AnyFloats = np.where(shares <= STRAIGHT, shares / 12.92, curved**2.4)
     return result
 
 
-def encoded(light: npt.ArrayLike) -> Light:
+def encoded(light: npt.ArrayLike) -> AnyFloats:
     """The values of light, as shares of white.
 
     Examples
@@ -49,11 +47,11 @@ def encoded(light: npt.ArrayLike) -> Light:
     """
     light = np.asarray(light, None if hasattr(light, "dtype") else float)
     curved = 1.055 * np.maximum(light, _STRAIGHT_LIGHT) ** (1 / 2.4) - 0.055
-    result: Light = np.where(light <= _STRAIGHT_LIGHT, 12.92 * light, curved)
+    result: AnyFloats = np.where(light <= _STRAIGHT_LIGHT, 12.92 * light, curved)
     return result
 
 
-def rolled(light: Light, top: float) -> Light:
+def rolled(light: AnyFloats, top: float) -> AnyFloats:
     """Light up to `top` brought below white: the same up to the knee, with its slope, and 1 from `top` on.
 
     Examples
@@ -71,7 +69,7 @@ def rolled(light: Light, top: float) -> Light:
     return np.where(light > KNEE, KNEE + (1 - KNEE) * bent, light).astype(light.dtype, copy=False)
 
 
-def bent(shares: Light, top: float) -> Light:
+def bent(shares: AnyFloats, top: float) -> AnyFloats:
     """Values as shares of white of which the light is rolled off, by a table."""
     if top <= 1:
         return shares
@@ -80,7 +78,7 @@ def bent(shares: Light, top: float) -> Light:
     return np.where(shares > first, table.take(at), shares).astype(shares.dtype, copy=False)
 
 
-def finished(shares: Light, raised: Light, whites: Light, top: float, white: float) -> Light:
+def finished(shares: AnyFloats, raised: AnyFloats, whites: AnyFloats, top: float, white: float) -> AnyFloats:
     """(C, n) what becomes of values whose light was multiplied: rolled off, and what was lighter than `white`
     in all channels brought to 1. Nothing goes beyond 1 that was not there before.
 
@@ -111,20 +109,20 @@ def finished(shares: Light, raised: Light, whites: Light, top: float, white: flo
         short = np.maximum(0, 1 - bent(np.broadcast_to(whites, shares.shape)[:, near], top))
         result = result.copy() if result is raised else result
         result[:, near] += short * burnt
-    bounded: Light = np.minimum(result, np.maximum(shares, 1))
+    bounded: AnyFloats = np.minimum(result, np.maximum(shares, 1))
     return bounded
 
 
-def light_of(values: Image, white: float) -> Light:
+def light_of(values: Image, white: float) -> AnyFloats:
     """The light of a picture's values; by a table where they are uint8 or uint16."""
     if values.dtype in (np.uint8, np.uint16):
-        light: Light = _decoding(values.dtype, white).take(values)
+        light: AnyFloats = _decoding(values.dtype, white).take(values)
         return light
-    shares: Light = values / (values.dtype.type(white) if values.dtype.kind == "f" else white)
+    shares: AnyFloats = values / (values.dtype.type(white) if values.dtype.kind == "f" else white)
     return decoded(shares)
 
 
-def multiplied(shares: Light, root: npt.NDArray[Any]) -> Light:
+def multiplied(shares: AnyFloats, root: npt.NDArray[Any]) -> AnyFloats:
     """Values as shares of white, their light times gains of which the 2.4-th roots are given, where both are
     above :data:`STRAIGHT`: there gains of light are gains of values, with an offset.
 
@@ -135,7 +133,7 @@ def multiplied(shares: Light, root: npt.NDArray[Any]) -> Light:
     >>> encoded(2 * decoded([0.5])).round(3)
     array([0.686])
     """
-    result: Light = shares + shares.dtype.type(0.055)
+    result: AnyFloats = shares + shares.dtype.type(0.055)
     result = result * root
     result -= shares.dtype.type(0.055)
     return result

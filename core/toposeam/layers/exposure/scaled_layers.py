@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.images import Image, Mask, Windows, in_dtype
+from toposeam.arrays import Image, Mask
+from toposeam.images import Windows, in_dtype
 from toposeam.layers.canvas.layer import Box, Layer
 from toposeam.layers.exposure.linear_light import KNEE, STRAIGHT, decoded, encoded, finished, multiplied
 from toposeam.layers.exposure.shading import weights_along

@@ -19,9 +19,9 @@ import numpy.typing as npt
 from scipy import sparse
 from scipy.sparse import linalg
 
+from toposeam.arrays import Floats
 from toposeam.layers.canvas.layer import Box
 
-Floats = npt.NDArray[np.float64]
 #: Logarithms of two layers' ratio at every so many-th pixel of a box, NaN where they tell nothing; and that
 #: step.
 Ratios = Callable[[int, int, Box], tuple[Floats, int]]

@@ -12,13 +12,14 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.images import Mask, as_planes, widen
+from toposeam.arrays import Floats32, Mask
+from toposeam.images import as_planes, widen
 from toposeam.layers.canvas.layer import Box, Layer, cut
 from toposeam.layers.canvas.tile_map import part_of, uniform
 from toposeam.layers.labelling.problem import Pair
 from toposeam.layers.labelling.table_costs import AROUND, spread
 from toposeam.seam.problem.blend_reach import STEP, Reach, any_by_steps, within_reach
-from toposeam.seam.problem.match_cost import Floats32, MatchCost, match_cost
+from toposeam.seam.problem.match_cost import MatchCost, match_cost
 from toposeam.seam.problem.overlap import FREE, NONE, A, B, Overlap
 from toposeam.seam.problem.posing import forbid
 from toposeam.seam.problem.seam_problem import M_MAX

@@ -24,8 +24,9 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Mask
 from toposeam.errors import OptionError
-from toposeam.images import Mask, box_of
+from toposeam.images import box_of
 from toposeam.layers.canvas.border_bands import full_within, rimmed
 from toposeam.layers.canvas.connected_components import pieces_of
 from toposeam.layers.canvas.layer import Box, Extent, Layer, cut, extent_of

@@ -18,11 +18,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from toposeam.images import Mask
+from toposeam.arrays import Floats32, Labels, Mask
 from toposeam.layers.canvas.layer import Box, cut
-from toposeam.layers.canvas.painting import LabelMap
 from toposeam.layers.canvas.tile_map import EDGES, blocks, new_map, several, uniform
-from toposeam.seam.problem.match_cost import Floats32
 from toposeam.seam.problem.overlap import FREE, NONE, A, B, Overlap, neighbours
 from toposeam.seam.problem.seam_problem import SeamProblem
 
@@ -61,7 +59,7 @@ class PairSeam:
     problem: SeamProblem
     box: Box
     #: (h, w) int16, the layers that show.
-    labels: LabelMap
+    labels: Labels
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,7 +89,7 @@ class Labelling:
         """(h, w) bool: where a layer is allowed in a box."""
         return cut(self.allowed[index], self.places[index], box)
 
-    def labels_in(self, label_map: LabelMap, box: Box) -> LabelMap:
+    def labels_in(self, label_map: Labels, box: Box) -> Labels:
         """A copy of the label map in a box, -1 off the canvas."""
         return cut(label_map, self.canvas, box, fill=-1)
 
@@ -107,7 +105,7 @@ class Labelling:
                 break
         return count
 
-    def make_allowed(self, label_map: LabelMap) -> None:
+    def make_allowed(self, label_map: Labels) -> None:
         """Give pixels whose layer is not allowed there to one that is and shows beside them, or to the first
         one that is, or to none, in place.
         """
@@ -144,9 +142,9 @@ class Labelling:
             if all(common.shape):
                 yield index, common, cut(self.allowed[index], place, common)
 
-    def on_top(self) -> LabelMap:
+    def on_top(self) -> Labels:
         """The label map in which each pixel shows the last layer that is allowed there."""
-        label_map: LabelMap = new_map(self.canvas.shape, -1, np.int16)
+        label_map: Labels = new_map(self.canvas.shape, -1, np.int16)
         for box in blocks(self.canvas):
             labels = np.full(box.shape, -1, np.int16)
             for index, common, allowed in self._allowed_on(box):
@@ -155,7 +153,7 @@ class Labelling:
         return label_map
 
     def seam(
-        self, label_map: LabelMap, pair: Pair, *, within: Box | None = None, beside: bool = False
+        self, label_map: Labels, pair: Pair, *, within: Box | None = None, beside: bool = False
     ) -> PairSeam | None:
         """The seam between two layers, posed as a problem of which ``b`` is the second one.
 
@@ -191,7 +189,7 @@ class Labelling:
         problem = SeamProblem(overlap, right, down, self.forbidden, showing_a=unary[0], showing_b=unary[1])
         return PairSeam(problem, box, labels)
 
-    def _beside(self, index: int, pair: Pair, labels: LabelMap, free: Mask, box: Box) -> Floats32:
+    def _beside(self, index: int, pair: Pair, labels: Labels, free: Mask, box: Box) -> Floats32:
         """(h, w) unary cost of showing one layer of a pair at its free pixels: that of their interfaces with
         other layers.
         """
@@ -210,7 +208,7 @@ class Labelling:
                     total[here][ends] += values[ends]
         return total
 
-    def total(self, labels: LabelMap, box: Box) -> float:
+    def total(self, labels: Labels, box: Box) -> float:
         """Σ M of a label map in a box."""
         total = 0.0
         for i, j in self.adjoining(labels):
@@ -220,7 +218,7 @@ class Labelling:
                 total += float(values[border].sum(dtype=np.float64))
         return total
 
-    def adjoining(self, labels: LabelMap) -> list[Pair]:
+    def adjoining(self, labels: Labels) -> list[Pair]:
         """The pairs of layers that show side by side somewhere, in order."""
         count = len(self.places)
         beside = np.zeros((count + 1) ** 2, bool)  # by the lower number and the higher; -1 comes last
@@ -234,6 +232,6 @@ class Labelling:
         return list(zip(firsts.tolist(), seconds.tolist(), strict=True))
 
 
-def _labels_of(labels: LabelMap) -> list[int]:
+def _labels_of(labels: Labels) -> list[int]:
     """The layers that show, in order."""
     return np.flatnonzero(np.bincount(labels.ravel() + 1)[1:]).tolist()

@@ -7,15 +7,14 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.images import Mask
+from toposeam.arrays import Labels, Mask
 from toposeam.layers.canvas.layer import Box
-from toposeam.layers.canvas.painting import LabelMap
 from toposeam.layers.canvas.tile_map import dense, doubled, several
 
 _Bits = TypeVar("_Bits", np.bool_, np.uint8, np.uint64)
 
 
-def junctions(label_map: LabelMap, reach: int) -> list[Box]:
+def junctions(label_map: Labels, reach: int) -> list[Box]:
     """Boxes that reach so many px beyond the places where three layers or more meet; no two overlap.
 
     Examples
@@ -70,7 +69,7 @@ def square_dilation(mask: npt.NDArray[_Bits], reach: int) -> npt.NDArray[_Bits]:
     return result
 
 
-def reached(label_map: LabelMap, count: int, reach: int) -> list[Mask]:
+def reached(label_map: Labels, count: int, reach: int) -> list[Mask]:
     """Of each of `count` layers the pixels at most so many px from where it shows, along each axis.
 
     Examples

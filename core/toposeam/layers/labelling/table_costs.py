@@ -7,10 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from toposeam.images import Mask
+from toposeam.arrays import Floats32, Mask
 from toposeam.layers.canvas.layer import Box, cut
 from toposeam.layers.labelling.problem import PairCost
-from toposeam.seam.problem.match_cost import Floats32
 
 #: How far beyond a part of the canvas its costs are looked up, px: gradients look one farther, and halving
 #: doubles it.

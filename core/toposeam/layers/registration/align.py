@@ -22,9 +22,10 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
+from toposeam.arrays import Floats, Image, Mask
 from toposeam.checks import check_items, check_whole
 from toposeam.errors import OverlapError
-from toposeam.images import Image, Mask, as_float
+from toposeam.images import as_float
 from toposeam.layers.canvas.layer import Box, Layer, check_layers, cut
 from toposeam.layers.execution.tasks import Executor, check_executor, results
 from toposeam.layers.labelling.problem import Pair
@@ -46,8 +47,6 @@ _AGREE = 2.0  # px in x and in y that a pair may be off where the others place i
 _NEAR = 2  # px that phase correlation may be off
 _PLAIN = 0.01  # of full scale: what varies less shows nothing beside something plain
 _BLUR = 8.0  # px; slower changes are exposure, not content
-
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -20,13 +20,13 @@ import scipy
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree, shortest_path
 
+from toposeam.arrays import Floats
 from toposeam.layers.canvas.transforms import undistorted
 from toposeam.layers.labelling.problem import Pair
 from toposeam.layers.registration.consensus import evidence_of
 from toposeam.layers.registration.homography import applied, areas
 from toposeam.layers.registration.pair_matching import Match
 
-Floats = npt.NDArray[np.float64]
 Family: TypeAlias = Literal["plane", "rotation"]
 
 #: Focal lengths that are tried where nobody says one, as shares of the larger side: wide, usual, long.

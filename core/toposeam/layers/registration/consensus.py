@@ -25,6 +25,7 @@ import numpy.typing as npt
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
+from toposeam.arrays import Floats
 from toposeam.errors import OverlapError
 from toposeam.layers.labelling.problem import Pair
 from toposeam.layers.registration.pair_matching import Match, groups
@@ -45,8 +46,6 @@ _AVERAGINGS, _NEAREST = 60, 1e-3
 _UNITS = 1 << 20
 #: So many pairs are named at most.
 _NAMED = 8
-
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

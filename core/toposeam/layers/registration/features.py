@@ -10,11 +10,11 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
-from toposeam.images import Mask, as_float
+from toposeam.arrays import Floats, Mask
+from toposeam.images import as_float
 from toposeam.layers.canvas.layer import Layer
 from toposeam.layers.registration.sift import find_features
 
-Floats = npt.NDArray[np.float64]
 Float = TypeVar("Float", np.float32, np.float64)
 
 #: Features are looked for in as many pixels, and patches laid on each other in as many.

@@ -21,6 +21,7 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Floats
 from toposeam.checks import check_choice, check_function, check_items, check_range, check_whole
 from toposeam.errors import OptionError, OverlapError, Term
 from toposeam.layers.canvas.layer import Layer, as_layers
@@ -63,7 +64,6 @@ _EXPLAINED = 1.2
 #: of the features as homographies do, and so many px of the reduced pictures more.
 _ASKED, _TIMES, _MORE = 6, 1.3, 0.5
 
-Floats = npt.NDArray[np.float64]
 _Value = TypeVar("_Value")
 
 

@@ -5,11 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from toposeam.images import Mask
-
-Floats = npt.NDArray[np.float64]
+from toposeam.arrays import Floats, Mask
 
 #: Trials of RANSAC at least and at most, those of a batch, and how sure it shall be to draw inliers only.
 _TRIALS, _BATCH, _SURE = (1000, 2000), 250, 0.999

@@ -18,8 +18,8 @@ from functools import partial
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
+from toposeam.arrays import Floats
 from toposeam.heat.threads import one_thread
 from toposeam.layers.canvas.transforms import NOWHERE, distorted
 from toposeam.layers.execution.tasks import Executor, results
@@ -38,8 +38,6 @@ from toposeam.layers.registration.features import Look
 from toposeam.layers.registration.homography import applied
 from toposeam.layers.registration.pair_matching import Match, groups
 from toposeam.layers.registration.patches import LaidPatches, find_patches
-
-Floats = npt.NDArray[np.float64]
 
 #: A camera may leave so many times as much as a plane, and so many px more of features and of patches.
 _POORER, _SLACK, _EXACT_SLACK = 1.3, 0.15, 0.4

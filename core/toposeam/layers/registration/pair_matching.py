@@ -16,6 +16,7 @@ import numpy.typing as npt
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
+from toposeam.arrays import Floats
 from toposeam.heat.threads import one_thread
 from toposeam.layers.canvas.layer import Layer
 from toposeam.layers.canvas.transforms import PlaneTransform
@@ -37,7 +38,6 @@ _FORESTS = 6
 #: So many pairs are tried at once.
 _AT_ONCE = 64
 
-Floats = npt.NDArray[np.float64]
 Kind: TypeAlias = Literal["similarity", "homography"]
 
 

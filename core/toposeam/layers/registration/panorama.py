@@ -9,14 +9,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 
+from toposeam.arrays import Floats
 from toposeam.layers.canvas.transforms import CameraTransform, PlaneTransform, Projection, wrapped
 from toposeam.layers.registration.bundle_adjustment import Bundle
 from toposeam.layers.registration.homography import applied, least_squares_homography
-
-Floats = npt.NDArray[np.float64]
 
 #: Fields of view up to which a projection is chosen, degrees: across and down.
 _FLAT, _CYLINDER = (95.0, 80.0), 100.0

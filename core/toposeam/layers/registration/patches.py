@@ -6,13 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 
+from toposeam.arrays import Floats
 from toposeam.layers.canvas.transforms import Transform, reach
 from toposeam.layers.registration.features import Look, cornered
-
-Floats = npt.NDArray[np.float64]
 
 _PATCH, _PATCHES = 64, 6  # px a side; in rows and columns of so many over the overlap
 _LEAST_PATCHES, _LEAST_SIDE = 2, 16

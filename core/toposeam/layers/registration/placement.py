@@ -9,8 +9,9 @@ from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
+from toposeam.arrays import Floats
 from toposeam.layers.canvas.layer import Layer
-from toposeam.layers.canvas.transforms import CameraTransform, Floats, Projection, Transform
+from toposeam.layers.canvas.transforms import CameraTransform, Projection, Transform
 from toposeam.layers.labelling.problem import Pair
 from toposeam.sentence import counted
 

@@ -11,10 +11,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 from scipy.sparse import csr_array
 
+from toposeam.arrays import Floats
 from toposeam.layers.labelling.problem import Pair
 from toposeam.layers.registration.pair_matching import Match
 
@@ -34,8 +34,6 @@ _NOBODY_SEES = {"shift": 2, "turn": 3, "similarity": 4}
 _ALIKE, _FINEST = 16, 0.02
 #: Share of their diagonal by which normal equations are damped, so that what no patch says does not matter.
 _DAMPED = 1e-12
-
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

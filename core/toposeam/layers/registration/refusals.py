@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Floats
 from toposeam.errors import OverlapError
 from toposeam.layers.canvas.layer import Layer
 from toposeam.layers.labelling.problem import Pair
@@ -21,8 +22,6 @@ LARGEST_DOUBT = 0.4
 _PLAIN = 8
 #: So many pictures are named at most that show something else.
 _NAMED = 8
-
-Floats = npt.NDArray[np.float64]
 
 
 def is_plain(look: Look) -> bool:

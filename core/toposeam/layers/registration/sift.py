@@ -15,11 +15,9 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
-Floats = npt.NDArray[np.float64]
-Floats32 = npt.NDArray[np.float32]
-Complexes = npt.NDArray[np.complex128]
+from toposeam.arrays import Complexes, Floats, Floats32, Indices
+
 #: (N, 3) of a level, a row and a column each.
-Corners = npt.NDArray[np.intp]
 
 #: Levels of an octave, and octaves at most; the last one's shorter side has so many px at least.
 _LEVELS, _OCTAVES, _SHORTEST = 3, 8, 12
@@ -99,7 +97,7 @@ def _blurred(first: Floats32) -> Floats32:
     return levels
 
 
-def _extrema(differences: Floats32, contrast: float) -> tuple[Corners, Floats]:
+def _extrema(differences: Floats32, contrast: float) -> tuple[Indices, Floats]:
     """Where differences of Gaussians are greater, or less, than all around, off edges: the nearest entries,
     and how far from these, (N, 3) each.
     """
@@ -134,7 +132,7 @@ def _extrema(differences: Floats32, contrast: float) -> tuple[Corners, Floats]:
     return corners[good], offsets[good]
 
 
-def _derivatives(flat: Floats32, place: npt.NDArray[np.intp], strides: Corners) -> tuple[Floats, Floats]:
+def _derivatives(flat: Floats32, place: npt.NDArray[np.intp], strides: Indices) -> tuple[Floats, Floats]:
     """(N, 3) first and (N, 3, 3) second derivatives at entries of a raveled array."""
     before, after = (flat[place[:, np.newaxis] + sign * strides].astype(float) for sign in (-1, 1))
     second = np.empty((len(place), 3, 3))

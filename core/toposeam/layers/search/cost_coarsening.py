@@ -23,10 +23,9 @@ from typing import Any, cast
 
 import numpy as np
 
-from toposeam.images import Mask
+from toposeam.arrays import Floats32, Labels, Mask
 from toposeam.layers.canvas.border_bands import full_within, rim, rimmed
 from toposeam.layers.canvas.layer import Box, cut
-from toposeam.layers.canvas.painting import LabelMap
 from toposeam.layers.canvas.tile_map import EDGES, blocks, doubled, ground, new_map, uniform
 from toposeam.layers.execution.tasks import Executor, results
 from toposeam.layers.labelling.pair_cost import KEPT_PIXELS, LayerPairCost
@@ -34,7 +33,6 @@ from toposeam.layers.labelling.problem import Labelling, Pair, PairCost
 from toposeam.layers.labelling.seam_lines import square_dilation
 from toposeam.layers.labelling.table_costs import TableCost, spread
 from toposeam.seam.problem.blend_reach import Reach
-from toposeam.seam.problem.match_cost import Floats32
 
 #: Reduced rows that are made at once: of all of an overlap, and of a band.
 _ROWS, _WANTED_ROWS = 128, 64
@@ -131,9 +129,9 @@ def _filled(labelling: Labelling, pair: Pair, box: Box) -> Mask:
     )
 
 
-def enlarged(label_map: LabelMap, finer: Labelling) -> LabelMap:
+def enlarged(label_map: Labels, finer: Labelling) -> Labels:
     """A label map of a reduced problem on the canvas of the finer one."""
-    result: LabelMap = doubled(label_map, finer.canvas.shape)
+    result: Labels = doubled(label_map, finer.canvas.shape)
     finer.make_allowed(result)
     return result
 

@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.heat.network import Floats
-from toposeam.images import Mask
+from toposeam.arrays import Floats, Mask
 from toposeam.layers.canvas.layer import Box
 from toposeam.layers.labelling.problem import Labelling
 from toposeam.seam.exact.expansion import interfaces_beside

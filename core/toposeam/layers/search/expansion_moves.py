@@ -15,14 +15,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.heat.network import Floats
-from toposeam.images import Mask, box_of
+from toposeam.arrays import Floats, Indices, Labels, Mask
+from toposeam.images import box_of
 from toposeam.layers.canvas.connected_components import pieces_of
 from toposeam.layers.canvas.layer import Box
-from toposeam.layers.canvas.painting import LabelMap
 from toposeam.layers.labelling.problem import Labelling
 from toposeam.layers.search.edge_list import EdgeCosts, Edges
-from toposeam.seam.exact.expansion import LEAST_GAIN, Decide, ExpansionMove, Indices
+from toposeam.seam.exact.expansion import LEAST_GAIN, Decide, ExpansionMove
 
 
 class Choices:
@@ -45,7 +44,7 @@ class Choices:
         self,
         labelling: Labelling,
         box: Box,
-        label_map: LabelMap,
+        label_map: Labels,
         candidates: Sequence[Mask],
         layers: Sequence[int],
     ) -> None:
@@ -98,7 +97,7 @@ class Choices:
         p, q, at = edges or self.edges
         return float(self._costs.paid(self.shows[p], self.shows[q], at).sum())
 
-    def label_map(self) -> LabelMap:
+    def label_map(self) -> Labels:
         """(h, w) int16, what shows."""
         number = np.array([*self.layers, -1], np.int16)
         return number[self.shows].reshape(self.box.shape)

@@ -12,9 +12,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from toposeam.images import Mask
+from toposeam.arrays import Labels, Mask
 from toposeam.layers.canvas.layer import Box
-from toposeam.layers.canvas.painting import LabelMap
 from toposeam.layers.execution.progress import Progressed
 from toposeam.layers.search.expansion_moves import Choices
 from toposeam.layers.search.options import SearchOptions
@@ -56,7 +55,7 @@ def best_of_starts(
     if int(choices.several.sum()) * len(starts) <= options.stacked:
         stack = choices.stacked(starts)
         number = stack.run(decide, most, places)
-        ends: list[tuple[float, int, LabelMap]] = []
+        ends: list[tuple[float, int, Labels]] = []
         for choices.shows in stack.parts(len(starts)):
             ends.append((choices.total(), len(ends), choices.shows))
             steps.one()
@@ -73,14 +72,14 @@ def best_of_starts(
 
 def _one_by_one(
     choices: Choices,
-    starts: Sequence[LabelMap],
+    starts: Sequence[Labels],
     places: Sequence[int],
     decide: Decide,
     most: int,
     steps: Progressed,
-) -> tuple[int, list[tuple[float, int, LabelMap]]]:
+) -> tuple[int, list[tuple[float, int, Labels]]]:
     """The number of rounds, and of each start the cost of its end, its number, and the end."""
-    ends: list[tuple[float, int, LabelMap]] = []
+    ends: list[tuple[float, int, Labels]] = []
     for choices.shows in starts:
         choices.run(decide, 1, places)
         steps.one()
@@ -104,7 +103,7 @@ def join(choices: Choices, allowed: Sequence[Mask], order: Sequence[int], decide
         choices.expand(k, decide)
 
 
-def laid_on_top(allowed: Sequence[Mask], order: Sequence[int]) -> LabelMap:
+def laid_on_top(allowed: Sequence[Mask], order: Sequence[int]) -> Labels:
     """(h w,) int16, the last layer of an order that is allowed; as many as there are where none is."""
     shows = np.full(allowed[0].size, len(allowed), np.int16)
     for k in order:

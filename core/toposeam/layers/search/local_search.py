@@ -18,10 +18,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from toposeam.arrays import Labels, Mask
 from toposeam.heat.threads import one_thread
-from toposeam.images import Mask
 from toposeam.layers.canvas.layer import Box
-from toposeam.layers.canvas.painting import LabelMap
 from toposeam.layers.canvas.tile_map import blocks, dense, new_map, part_of, several
 from toposeam.layers.execution.tasks import on_boxes
 from toposeam.layers.labelling.problem import Labelling, Pair
@@ -125,7 +124,7 @@ def _near_ties(problem: Problem, choices: Choices) -> Ties:
     return {k: np.divmod(pixels, width) for k, pixels in zip(choices.layers, turned, strict=True)}
 
 
-def beside_seams(label_map: LabelMap, reach: int = 0) -> Mask:
+def beside_seams(label_map: Labels, reach: int = 0) -> Mask:
     """(H, W) bool: the pixels beside a seam, and those at most `reach` px from them."""
     canvas = Box(0, 0, *label_map.shape)
     chosen: Mask = new_map(canvas.shape, False, bool)
@@ -171,14 +170,14 @@ def _divided(problem: Problem, state: State, *, potential: bool) -> Iterator[tup
 
 def _part(
     problem: Problem, state: State, box: Box, pair: Pair | None = None
-) -> tuple[Labelling, LabelMap, Mask | None]:
+) -> tuple[Labelling, Labels, Mask | None]:
     """A box of the problem, its label map and the pixels that may change, for another process."""
     box = box.grown(1)
     near = None if state.near is None else part_of(state.near, box)
     return part_of_labelling(problem.labelling, box, pair), part_of(state.label_map, box), near
 
 
-def settle(problem: Problem, label_map: LabelMap) -> None:
+def settle(problem: Problem, label_map: Labels) -> None:
     """Expand in windows round all places where three layers meet, in which every pixel may change."""
     labelling = problem.labelling
     windows = list(_windows(label_map, problem.search.window))
@@ -199,18 +198,18 @@ class _Window:
     """A window of a canvas, and how it is solved."""
 
     labelling: Labelling
-    label_map: LabelMap
+    label_map: Labels
     box: Box
     solver: CutSolver
 
 
-def _windows(label_map: LabelMap, reach: int) -> Iterable[Box]:
+def _windows(label_map: Labels, reach: int) -> Iterable[Box]:
     """Windows round the places where three layers meet; those that run into each other are one."""
     canvas = Box(0, 0, *label_map.shape)
     return (window.shared(canvas) for window in junctions(label_map, reach))
 
 
-def _settled(window: _Window) -> LabelMap:
+def _settled(window: _Window) -> Labels:
     """The labels of a window after expansions, with its rim as it is."""
     labelling, box = window.labelling, window.box
     layers = [k for k, place in enumerate(labelling.places) if all(place.shared(box).shape)]

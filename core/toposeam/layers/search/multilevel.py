@@ -20,7 +20,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from toposeam.layers.canvas.painting import LabelMap
+from toposeam.arrays import Labels
 from toposeam.layers.canvas.tile_map import dense
 from toposeam.layers.search.cost_coarsening import Tables, enlarged, halved, opened
 from toposeam.layers.search.expansion_moves import Choices
@@ -35,7 +35,7 @@ from toposeam.layers.search.problem import Problem, Report, State
 from toposeam.layers.search.two_label_band import write_pixels
 
 
-def minimise(problem: Problem, order: Sequence[int], most: int, potentials: bool) -> tuple[LabelMap, Report]:
+def minimise(problem: Problem, order: Sequence[int], most: int, potentials: bool) -> tuple[Labels, Report]:
     """Search the cheapest label map, (H, W) int16.
 
     Parameters
@@ -65,7 +65,7 @@ def minimise(problem: Problem, order: Sequence[int], most: int, potentials: bool
     return label_map, Report(problem, rounds, time.perf_counter() - started, gathered)
 
 
-def _from_coarse(problem: Problem, order: Sequence[int], most: int, wandering: float) -> tuple[LabelMap, int]:
+def _from_coarse(problem: Problem, order: Sequence[int], most: int, wandering: float) -> tuple[Labels, int]:
     """The label map that costs reduced in one way lead to, and the number of rounds of expansions."""
     levels = _levels(problem, wandering)
     few = problem.search.near_ties
@@ -105,7 +105,7 @@ def _levels(problem: Problem, wandering: float) -> list[Problem]:
     return [problem, *(problem.reduced(level) for level in tables.kept(levels[1:]))]
 
 
-def _fuse(problem: Problem, label_map: LabelMap, other: LabelMap) -> None:
+def _fuse(problem: Problem, label_map: Labels, other: Labels) -> None:
     """Take another label map, in place, wherever it is cheaper in a whole patch of pixels in which the two
     differ.
 

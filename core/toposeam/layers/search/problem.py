@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from toposeam.images import Mask
-from toposeam.layers.canvas.painting import LabelMap
+from toposeam.arrays import Labels, Mask
 from toposeam.layers.execution.progress import Progressed
 from toposeam.layers.execution.tasks import Executor
 from toposeam.layers.labelling.problem import Labelling, Pair
@@ -62,7 +61,7 @@ class State:
     """A label map that is improved in place."""
 
     #: (H, W) int16.
-    label_map: LabelMap
+    label_map: Labels
     #: (H, W) bool: the pixels that may change; None for all.
     near: Mask | None = None
     #: Where each layer nearly shows.

@@ -17,16 +17,14 @@ import numpy.typing as npt
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from toposeam.heat.network import Floats
+from toposeam.arrays import Floats, Indices, Labels, Mask
 from toposeam.heat.threads import one_thread
-from toposeam.images import Mask
 from toposeam.layers.canvas.layer import Box, cut
-from toposeam.layers.canvas.painting import LabelMap
 from toposeam.layers.canvas.tile_map import TILE, uniform
 from toposeam.layers.labelling.problem import Labelling, Pair, PairCost
 from toposeam.optimize.history import Iteration, Termination
 from toposeam.seam.cut_solver import CutSolver
-from toposeam.seam.exact.expansion import LEAST_GAIN, BinaryCut, Indices
+from toposeam.seam.exact.expansion import LEAST_GAIN, BinaryCut
 
 #: Rows and columns of pixels of the canvas.
 Pixels = tuple[Indices, Indices]
@@ -55,7 +53,7 @@ class Band:
         return float(self.cut.cost[ends[self.cut.tail] != ends[self.cut.head]].sum())
 
 
-def band_of(labelling: Labelling, label_map: LabelMap, pair: Pair, opened: Mask | None) -> Band | None:
+def band_of(labelling: Labelling, label_map: Labels, pair: Pair, opened: Mask | None) -> Band | None:
     """The opened pixels that show one of two layers and may show either; None where there are none.
 
     Parameters
@@ -141,7 +139,7 @@ class Division:
     """Two layers to be divided anew, in this process or another one."""
 
     labelling: Labelling
-    label_map: LabelMap
+    label_map: Labels
     #: (H, W) bool: the pixels that may change; None for all.
     near: Mask | None
     pair: Pair

@@ -9,13 +9,12 @@ from itertools import combinations
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Floats
 from toposeam.checks import check_whole
 from toposeam.colours import LUMA, parse_colour, to_hex
 from toposeam.errors import OptionError, Term
 from toposeam.heat.threads import one_thread
 from toposeam.images import as_float
-
-Floats = npt.NDArray[np.float64]
 
 #: Paper, then inks from the leading one on.
 PALETTES: dict[str, tuple[str, ...]] = {

@@ -19,11 +19,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
+from toposeam.arrays import Floats32
 from toposeam.checks import check_choice
 from toposeam.motif.ink.stroke_repair import crumbs, holes
 from toposeam.motif.symmetry.tiling import extend
-
-Singles = npt.NDArray[np.float32]
 
 #: How a layer's strokes end: the haze unchanged; a line at the level of equal mass; or a line that keeps half
 #: of the haze, inside of which the ink shades.
@@ -51,16 +50,16 @@ def level(field: npt.NDArray[np.floating], mass: float) -> float:
     return round(float(np.quantile(field, 1.0 - mass)), 6)
 
 
-def smoothed(field: Singles, repeat: str, px_per_element: tuple[float, float]) -> Singles:
+def smoothed(field: Floats32, repeat: str, px_per_element: tuple[float, float]) -> Floats32:
     """Blur a density as its contours are taken from, with the pattern's neighbours beyond its border."""
     sigma = [SMOOTHING * px for px in px_per_element]
     margin = int(np.ceil(4 * max(sigma)))
     wide = extend(field, repeat, margin)
-    blurred: Singles = ndimage.gaussian_filter(wide, sigma, mode="nearest")
+    blurred: Floats32 = ndimage.gaussian_filter(wide, sigma, mode="nearest")
     return blurred[margin : margin + field.shape[0], margin : margin + field.shape[1]]
 
 
-def beyond(field: Singles, at: float, repeat: str) -> Singles:
+def beyond(field: Floats32, at: float, repeat: str) -> Floats32:
     """Return the share of every pixel in which a field exceeds a level, in [0, 1]."""
     result = np.empty(field.shape, np.float32)
     wide = extend(field, repeat, 1)
@@ -74,13 +73,13 @@ def beyond(field: Singles, at: float, repeat: str) -> Singles:
 
 
 def printed(
-    sample: Callable[[tuple[int, int]], Singles],
+    sample: Callable[[tuple[int, int]], Floats32],
     edge: str,
     repeat: str,
     elements: tuple[int, int],
     size: tuple[int, int],
     ends: tuple[float, np.float32],
-) -> Singles:
+) -> Floats32:
     """Print a layer with its stroke edges.
 
     Parameters
@@ -133,7 +132,7 @@ def fineness(elements: tuple[int, int]) -> int:
 
 
 def shading(
-    densities: Iterable[Singles], edge: str, repeat: str, px_per_element: int
+    densities: Iterable[Floats32], edge: str, repeat: str, px_per_element: int
 ) -> tuple[float, np.float32]:
     """Return the level at which a layer's strokes end, and the factor of the densities inside: with both the
     mean stays what it is, of several cells that of all together. Soft ones do not end, and no density is

@@ -16,11 +16,9 @@ import numpy.typing as npt
 from scipy import ndimage
 from skimage.morphology import area_closing
 
-from toposeam.images import Mask
+from toposeam.arrays import Floats32, Mask
 from toposeam.motif.symmetry.rules import HEXAGONAL
 from toposeam.motif.symmetry.tiling import extend
-
-Singles = npt.NDArray[np.float32]
 
 #: Radius of the disc that closes gaps, as a share of the cell's shorter side; cells of 90 elements or less
 #: are too coarse for one.
@@ -35,7 +33,7 @@ _HEXAGON = np.array([[1, 1, 0], [1, 1, 1], [0, 1, 1]], bool)
 _STEPS = 65535
 
 
-def mended(density: Singles, repeat: str, mass: float, kept: int = 0) -> Singles:
+def mended(density: Floats32, repeat: str, mass: float, kept: int = 0) -> Floats32:
     """Close the gaps and pinholes of a layer's strokes.
 
     Parameters
@@ -68,10 +66,10 @@ def mended(density: Singles, repeat: str, mass: float, kept: int = 0) -> Singles
         changed[:kept] = changed[-kept:] = changed[:, :kept] = changed[:, -kept:] = False
     if not changed.any():
         return density
-    result: Singles = np.where(changed, (steps / _STEPS).astype(np.float32), density)
+    result: Floats32 = np.where(changed, (steps / _STEPS).astype(np.float32), density)
     if kept:
         return result
-    scaled: Singles = np.clip(result * np.float32(mass / result.mean(dtype=np.float64)), density.min(), 1)
+    scaled: Floats32 = np.clip(result * np.float32(mass / result.mean(dtype=np.float64)), density.min(), 1)
     return scaled
 
 

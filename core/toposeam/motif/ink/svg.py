@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
+from toposeam.arrays import Floats
 from toposeam.checks import check_kind, check_range, check_whole, options_from, unsuitable
 from toposeam.colours import to_hex
 from toposeam.errors import OptionError, Term
@@ -24,8 +25,6 @@ from toposeam.motif.ink.stroke_edges import SMOOTHING, fineness
 from toposeam.motif.ink.stroke_repair import crumbs, holes
 from toposeam.motif.symmetry.tiling import extend, period, tile
 from toposeam.vector.contours import MARGIN_PX, contour_beyond
-
-Floats = npt.NDArray[np.float64]
 
 #: Documents of more characters are refused: no editor would open them.
 LARGEST_CHARACTERS = 60_000_000

@@ -9,8 +9,8 @@ from itertools import combinations
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Floats
 from toposeam.heat.plate import Plate, Temperature
-from toposeam.heat.plate_joints import Floats
 from toposeam.heat.threads import one_thread
 from toposeam.motif.ink.sampling import resample
 from toposeam.motif.optimise.conduction import LayerProblem

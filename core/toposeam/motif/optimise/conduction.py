@@ -20,8 +20,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import correlate1d
 
+from toposeam.arrays import Floats
 from toposeam.heat.plate import Plate
-from toposeam.heat.plate_joints import Floats
 from toposeam.motif.ink.sampling import resample
 from toposeam.motif.recipe.recipe import LayerRecipe, Point, Recipe, unpack_base
 from toposeam.motif.symmetry.rules import Symmetry, joint, symmetry

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import map_coordinates, spline_filter, uniform_filter1d
 
-from toposeam.heat.plate_joints import Floats
+from toposeam.arrays import Floats
 from toposeam.heat.plate_triangles import TrianglePlate
 from toposeam.motif.optimise.conduction import SPOT, VOID, LayerProblem, filter_radius, power
 from toposeam.motif.recipe.recipe import LayerRecipe, Point, Recipe

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.heat.plate_joints import Floats
+from toposeam.arrays import Floats
 from toposeam.motif.optimise.conduction import LayerProblem, filter_radius
 from toposeam.motif.optimise.hexagonal_lattice import HexagonalProblem
 from toposeam.motif.recipe.recipe import LayerRecipe, Recipe

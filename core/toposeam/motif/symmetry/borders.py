@@ -19,12 +19,11 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Floats
 from toposeam.checks import check_pair
 from toposeam.colours import LUMA
 from toposeam.errors import ImageError, Term
 from toposeam.images import as_float
-
-Floats = npt.NDArray[np.float64]
 
 #: r, as a share of the cell's side, and in px at least.
 _REACH, _LEAST_PX = 0.03, 2

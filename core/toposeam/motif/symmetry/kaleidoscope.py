@@ -18,12 +18,11 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import map_coordinates
 
+from toposeam.arrays import Floats
 from toposeam.checks import check_choice, check_function, check_number, check_numbers, check_pair
 from toposeam.errors import OptionError, Term
 from toposeam.images import as_float
 from toposeam.motif.symmetry.rules import GENERATORS, HEXAGONAL, check_repeat, operations
-
-Floats = npt.NDArray[np.float64]
 
 #: The groups a kaleidoscope can show.
 GROUPS = (*GENERATORS, *HEXAGONAL)

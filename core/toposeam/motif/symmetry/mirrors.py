@@ -24,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
-from toposeam.heat.plate_joints import Floats
+from toposeam.arrays import Floats
 from toposeam.motif.symmetry.rules import GENERATORS, HEXAGONAL, Symmetry, operations, symmetry
 
 #: Half the width of the band, as a share of the cell's side, and in elements at least.

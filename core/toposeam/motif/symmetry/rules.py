@@ -15,9 +15,10 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Floats
 from toposeam.checks import check_choice
 from toposeam.errors import OptionError, Term
-from toposeam.heat.plate_joints import Floats, Joint, Shift
+from toposeam.heat.plate_joints import Joint, Shift
 from toposeam.motif.symmetry.tiling import shift_of
 
 #: One operation: ((a, b), (c, d)) takes (x, y) to (ax + by, cx + dy), then (t, u) half cells are added.

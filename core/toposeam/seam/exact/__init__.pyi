@@ -1,5 +1,5 @@
 from .corner_graph import cheapest_path
-from .expansion import LEAST_GAIN, BinaryCut, Decide, ExpansionMove, Indices, interfaces_beside
+from .expansion import LEAST_GAIN, BinaryCut, Decide, ExpansionMove, interfaces_beside
 from .graph_cut import graph_cut_labels, least_cut
 from .maximum_flow import minimum_cut
 from .optimum import cut_by_flow, cut_cost, exact_labels, labels_of_nodes, pieces, shortest_path
@@ -9,7 +9,6 @@ __all__ = [
     "BinaryCut",
     "Decide",
     "ExpansionMove",
-    "Indices",
     "cheapest_path",
     "cut_by_flow",
     "cut_cost",

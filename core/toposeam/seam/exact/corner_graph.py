@@ -21,8 +21,7 @@ import numpy.typing as npt
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from toposeam.images import Mask
-from toposeam.seam.problem.match_cost import Floats32
+from toposeam.arrays import Floats32, Mask
 
 #: Edges are laid out for so many corners at a time.
 _BLOCK = 1 << 16

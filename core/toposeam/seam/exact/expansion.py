@@ -33,10 +33,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.heat.network import Floats, Ints, Network
-from toposeam.images import Mask
+from toposeam.arrays import AnyInts, Floats, Indices, Mask
+from toposeam.heat.network import Network
 
-Indices = npt.NDArray[np.intp]
 #: Decides a network: from conductors and costs to the nodes on the hot side, (n,) bool.
 Decide = Callable[[Network, Floats], Mask]
 
@@ -72,8 +71,8 @@ class BinaryCut:
     component: npt.NDArray[np.int32]
     apart: Mask
     #: (E,) elements: the nodes they join, n for the cold terminal, n + 1 for the hot one, and their costs.
-    tail: Ints
-    head: Ints
+    tail: AnyInts
+    head: AnyInts
     cost: Floats
 
     @cached_property

@@ -6,9 +6,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from toposeam.arrays import Floats, Mask
 from toposeam.errors import MissingPackageError
-from toposeam.heat.network import Floats, Network
-from toposeam.images import Mask
+from toposeam.heat.network import Network
 from toposeam.seam.exact.optimum import labels_of_nodes
 from toposeam.seam.problem.seam_problem import SeamProblem
 

@@ -13,17 +13,15 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
-from toposeam.heat.network import Floats, Network
-from toposeam.images import Mask
+from toposeam.arrays import Floats, Ints32, Mask
+from toposeam.heat.network import Network
 
-_Ints32 = npt.NDArray[np.int32]
 #: From the number of free nodes, and tails, heads and capacities of all elements in both directions, (2 E,)
 #: each, to the nodes that the hot terminal still reaches beside a maximum flow from there to the cold one.
-Engine = Callable[[int, _Ints32, _Ints32, _Ints32], _Ints32]
+Engine = Callable[[int, Ints32, Ints32, Ints32], Ints32]
 
 #: Capacities are rounded so that their sum stays below this.
 _CAPACITY = 2**31 - 2
@@ -61,13 +59,13 @@ def minimum_cut(network: Network, weight: Floats) -> Mask:
     return hot[:n]
 
 
-def by_scipy(n: int, tail: _Ints32, head: _Ints32, capacity: _Ints32) -> _Ints32:
+def by_scipy(n: int, tail: Ints32, head: Ints32, capacity: Ints32) -> Ints32:
     """An :data:`Engine` that is always there."""
     graph = csr_array((capacity, (tail, head)), shape=(n + 2, n + 2))
     flow = maximum_flow(graph, n + 1, n).flow
     graph.data -= flow.data  # both have every element in both directions, in one order
     graph.eliminate_zeros()
-    reached: _Ints32 = breadth_first_order(graph, n + 1, return_predecessors=False)
+    reached: Ints32 = breadth_first_order(graph, n + 1, return_predecessors=False)
     return reached
 
 
@@ -91,7 +89,7 @@ def or_tools() -> Engine | None:
     try:
         from ortools.graph.python.max_flow import SimpleMaxFlow
 
-        def by_or_tools(n: int, tail: _Ints32, head: _Ints32, capacity: _Ints32) -> _Ints32:
+        def by_or_tools(n: int, tail: Ints32, head: Ints32, capacity: Ints32) -> Ints32:
             graph: Any = SimpleMaxFlow()
             graph.add_arcs_with_capacity(tail, head, capacity.astype(np.int64))
             graph.solve(n + 1, n)

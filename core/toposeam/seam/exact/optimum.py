@@ -18,11 +18,9 @@ import scipy
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from toposeam.heat.network import Ints
-from toposeam.images import Mask
+from toposeam.arrays import AnyInts, Floats32, Mask
 from toposeam.seam.exact.corner_graph import cheapest_path
 from toposeam.seam.exact.maximum_flow import minimum_cut
-from toposeam.seam.problem.match_cost import Floats32
 from toposeam.seam.problem.overlap import FREE, NONE, TOUCHING, A, B
 from toposeam.seam.problem.seam_problem import SeamProblem, geometry
 
@@ -274,7 +272,7 @@ def cut_by_flow(problem: SeamProblem, pixels: Mask) -> Mask:
     return labels_of_nodes(minimum_cut(network, np.minimum(weight, limit)), index, pixels.shape)
 
 
-def labels_of_nodes(hot: Mask, index: Ints, shape: tuple[int, int]) -> Mask:
+def labels_of_nodes(hot: Mask, index: AnyInts, shape: tuple[int, int]) -> Mask:
     """The (h, w) labelling in which the pixels of the hot nodes are True."""
     labels = np.zeros(shape, bool)
     labels.ravel()[index] = hot

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
-from toposeam.images import Mask
+from toposeam.arrays import Mask
 from toposeam.seam.exact.optimum import cut_cost, pieces, shortest_path
 from toposeam.seam.problem.grid import SEAM_CELLS, grown
 from toposeam.seam.problem.overlap import FREE, NONE, A, B

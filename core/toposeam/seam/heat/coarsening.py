@@ -16,10 +16,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import coo_array
 
+from toposeam.arrays import Floats, Floats32, Ints32, Mask
 from toposeam.errors import SolverError
-from toposeam.heat.network import Floats, Ints, Network
+from toposeam.heat.network import Network
 from toposeam.heat.primal_dual import PrimalDual
-from toposeam.images import Mask
 from toposeam.seam.heat.heavy_edge_matching import merge_nodes, merge_pixels
 from toposeam.seam.problem.grid import CutGrid
 
@@ -49,24 +49,21 @@ _BLOCK = 1 << 16
 #: Pixels are counted so many at a time, for numpy counts 64-bit integers only.
 _COUNTED = 1 << 20
 
-_Ints32 = npt.NDArray[np.int32]
-_Floats32 = npt.NDArray[np.float32]
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Level:
     """One network of the hierarchy; node n is the cold terminal and n + 1 the hot one."""
 
     n: int
-    tail: _Ints32
-    head: _Ints32
+    tail: Ints32
+    head: Ints32
     #: (E,) cost of dividing the two nodes of each element.
     weight: Floats
     #: (n + 2,) pixels per node.
     size: Floats
 
 
-def _gather(grid: CutGrid) -> tuple[Mask, _Ints32, _Ints32]:
+def _gather(grid: CutGrid) -> tuple[Mask, Ints32, Ints32]:
     """Let heat gather on coarse networks, as :func:`restrict` describes it.
 
     Returns
@@ -116,7 +113,7 @@ def _gather(grid: CutGrid) -> tuple[Mask, _Ints32, _Ints32]:
         network = _network(n, tail, head)
 
 
-def restrict(grid: CutGrid) -> tuple[Network, Floats, Floats, _Ints32]:
+def restrict(grid: CutGrid) -> tuple[Network, Floats, Floats, Ints32]:
     """The network of the free pixels without those that coarser networks show to be decided.
 
     *A worked example.* One row of eight free pixels between ground of a alone and of b alone. Interfaces
@@ -151,13 +148,13 @@ def restrict(grid: CutGrid) -> tuple[Network, Floats, Floats, _Ints32]:
     return _network(n, tail, head), weight, multiplicity, node_of
 
 
-def _network(n: int, tail: _Ints32, head: _Ints32) -> Network:
+def _network(n: int, tail: Ints32, head: Ints32) -> Network:
     return Network(
         n, tail.astype(np.intp), head.astype(np.intp)
     )  # numpy uses 64-bit indices without converting them every time
 
 
-def _pixel_elements(grid: CutGrid, group: _Ints32, n: int) -> tuple[_Ints32, _Ints32, _Floats32]:
+def _pixel_elements(grid: CutGrid, group: Ints32, n: int) -> tuple[Ints32, Ints32, Floats32]:
     """The interfaces between n groups of pixels and the two terminals: two nodes each, and the cost."""
     pairs = ((grid.right, group[:, :-1], group[:, 1:]), (grid.down, group[:-1], group[1:]))
     divided = [(one != other) & (cost > 0) for cost, one, other in pairs]
@@ -178,8 +175,8 @@ def _pixel_elements(grid: CutGrid, group: _Ints32, n: int) -> tuple[_Ints32, _In
 
 
 def _parallel(
-    n: int, one: _Ints32, other: _Ints32, *values: npt.NDArray[np.floating]
-) -> tuple[_Ints32, _Ints32, list[Floats]]:
+    n: int, one: Ints32, other: Ints32, *values: npt.NDArray[np.floating]
+) -> tuple[Ints32, Ints32, list[Floats]]:
     """Elements between n nodes and two terminals, parallel ones added up; those within a node or between the
     terminals are left out. `one` and `other` are written to.
     """
@@ -201,13 +198,13 @@ def _parallel(
     return tail, table.indices, sums
 
 
-def _quotient(n: int, one: Ints, other: Ints, weight: npt.NDArray[np.floating], size: Floats) -> _Level:
+def _quotient(n: int, one: Ints32, other: Ints32, weight: npt.NDArray[np.floating], size: Floats) -> _Level:
     """The level of n groups of nodes, and the terminals; elements are written to."""
     tail, head, (weight,) = _parallel(n, one, other, weight)
     return _Level(n, tail, head, weight, size)
 
 
-def _pixels_in(group: _Ints32, n: int) -> Floats:
+def _pixels_in(group: Ints32, n: int) -> Floats:
     """(n + 2,) pixels of each group, none of the terminals."""
     size = np.zeros(n + 2, np.intp)
     for start in range(0, group.size, _COUNTED):
@@ -220,10 +217,10 @@ def _decided(
     level: _Level,
     network: Network,
     weight: Floats,
-    node_of: _Ints32,
+    node_of: Ints32,
     children: Floats,
     opened: float,
-) -> tuple[Mask, _Ints32]:
+) -> tuple[Mask, Ints32]:
     """Let heat gather on the restricted network of a level; at most `opened` nodes per interface of the seam
     are active.
 
@@ -258,7 +255,7 @@ def _decided(
     return active, (np.cumsum(kept, dtype=np.int32) - 1)[region]
 
 
-def _regions(network: Network, closed: Mask) -> _Ints32 | None:
+def _regions(network: Network, closed: Mask) -> Ints32 | None:
     """The region of every node once some elements are closed; None where that joins the two sides, because so
     many faint flows lead from one to the other.
     """
@@ -269,7 +266,7 @@ def _regions(network: Network, closed: Mask) -> _Ints32 | None:
 
 
 def _threshold(
-    state: PrimalDual, level: _Level, node_of: _Ints32, children: Floats, opened: float
+    state: PrimalDual, level: _Level, node_of: Ints32, children: Floats, opened: float
 ) -> tuple[float, Floats, Floats]:
     """The flux above which nodes are opened; that of every element of the restricted network, and the
     strongest beside every node of the level.
@@ -289,7 +286,7 @@ def _threshold(
     return threshold, state.network.difference(potential), strongest
 
 
-def _freed(active: Mask, region: _Ints32, parent: _Ints32) -> tuple[_Ints32, int]:
+def _freed(active: Mask, region: Ints32, parent: Ints32) -> tuple[Ints32, int]:
     """The node of everything on the finer level, in the shape of `parent`: what is freed, each alone, then
     regions, then terminals.
     """

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from toposeam.heat.network import Floats
+from toposeam.arrays import Floats, Floats32, Ints32
 from toposeam.seam.problem.grid import CutGrid
 
 #: Pixels are merged so many at a time.
@@ -17,11 +16,8 @@ _UNEVENNESS = 1e-3
 _LONGEST_CHAIN = 24
 _GOLDEN = np.uint32(2654435769)  # 2^32 times the golden ratio
 
-_Ints32 = npt.NDArray[np.int32]
-_Floats32 = npt.NDArray[np.float32]
 
-
-def merge_pixels(grid: CutGrid) -> tuple[_Ints32, int]:
+def merge_pixels(grid: CutGrid) -> tuple[Ints32, int]:
     """Group every free pixel with the neighbour it costs most to divide from; (h, w) group numbers and their
     count.
     """
@@ -65,7 +61,7 @@ def merge_pixels(grid: CutGrid) -> tuple[_Ints32, int]:
     return group.reshape(shape), count
 
 
-def merge_nodes(n: int, tail: _Ints32, head: _Ints32, weight: Floats, size: Floats) -> _Ints32:
+def merge_nodes(n: int, tail: Ints32, head: Ints32, weight: Floats, size: Floats) -> Ints32:
     """Group every node with the neighbour it costs most to divide from, relative to the nodes' sizes; (n +
     2,) group numbers.
     """
@@ -82,7 +78,7 @@ def merge_nodes(n: int, tail: _Ints32, head: _Ints32, weight: Floats, size: Floa
     return _components(target)[1]  # the terminals stay alone, and last
 
 
-def _uneven(count: int, start: int) -> _Floats32:
+def _uneven(count: int, start: int) -> Floats32:
     """Factors just above 1 that tell equal costs apart, by a golden-ratio sequence: flat places must not
     merge into one node.
     """
@@ -94,7 +90,7 @@ def _uneven(count: int, start: int) -> _Floats32:
     return factor
 
 
-def _components(target: _Ints32) -> tuple[int, _Ints32]:
+def _components(target: Ints32) -> tuple[int, Ints32]:
     """Components of the graph in which every node points to one other or to itself: their count, and the
     number of each node's, which takes the place of `target`.
 

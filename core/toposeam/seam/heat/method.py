@@ -28,12 +28,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import AnyInts, Floats, Mask
 from toposeam.checks import check_range, check_whole
 from toposeam.errors import SolverError
-from toposeam.heat.network import Floats, Ints, Network
+from toposeam.heat.network import Network
 from toposeam.heat.primal_dual import PrimalDual
 from toposeam.heat.threads import one_thread
-from toposeam.images import Mask
 from toposeam.optimize.history import Frame, Iteration
 from toposeam.seam.heat.band_refinement import beside_seam, best_nearby, keeping
 from toposeam.seam.heat.coarsening import WHOLE_NODES, restrict
@@ -194,21 +194,21 @@ def _is_large(problem: SeamProblem) -> bool:
     return int(np.count_nonzero(problem.overlap.side == FREE)) > WHOLE_NODES
 
 
-def _opened_again(problem: SeamProblem, labels: Mask, node_of_pixel: Ints) -> Mask:
+def _opened_again(problem: SeamProblem, labels: Mask, node_of_pixel: AnyInts) -> Mask:
     """The best seam near the one that the heat found."""
     free = problem.overlap.side == FREE
     alone = np.bincount(node_of_pixel[free], minlength=int(node_of_pixel.max()) + 1) == 1
     return best_nearby(problem, labels, alone[node_of_pixel] & free)
 
 
-def _network(problem: SeamProblem) -> tuple[Network, Floats, Floats, Ints]:
+def _network(problem: SeamProblem) -> tuple[Network, Floats, Floats, AnyInts]:
     """The network to solve, the cost of its elements and the number of interfaces each stands for; (h, w)
     node of every free pixel.
     """
     return restrict(problem.grid) if _is_large(problem) else _pixel_network(problem)
 
 
-def _pixel_network(problem: SeamProblem) -> tuple[Network, Floats, Floats, Ints]:
+def _pixel_network(problem: SeamProblem) -> tuple[Network, Floats, Floats, AnyInts]:
     """As :func:`_network`, every free pixel a node."""
     side = problem.overlap.side
     if problem.tied:
@@ -221,8 +221,8 @@ def _pixel_network(problem: SeamProblem) -> tuple[Network, Floats, Floats, Ints]
 
 
 def _without_forbidden(
-    network: Network, cost: Floats, node: Ints, forbidden: float
-) -> tuple[Network, Floats, Floats, Ints]:
+    network: Network, cost: Floats, node: AnyInts, forbidden: float
+) -> tuple[Network, Floats, Floats, AnyInts]:
     """The network in which nodes that must not be divided are one, unless that joins the two sides and no
     seam is possible.
     """

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Floats
 from toposeam.errors import SolverError
-from toposeam.heat.network import Floats, Network
+from toposeam.heat.network import Network
 from toposeam.heat.primal_dual import PrimalDual
 from toposeam.optimize.history import Iteration, Termination
 

@@ -1,6 +1,6 @@
 from .blend_reach import STEP, Reach, any_by_steps, within_reach
 from .grid import SEAM_CELLS, CutGrid, grown
-from .match_cost import LAWS, Floats32, Law, MatchCost, check_no_reach, match_options
+from .match_cost import LAWS, Law, MatchCost, check_no_reach, match_options
 from .natural import CELL
 from .overlap import (
     FREE,
@@ -36,7 +36,6 @@ __all__ = [
     "A",
     "B",
     "CutGrid",
-    "Floats32",
     "Law",
     "MatchCost",
     "Overlap",

@@ -25,11 +25,9 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
-from toposeam.images import Mask
+from toposeam.arrays import Floats32, Mask
 from toposeam.seam.problem.match_cost import MatchCost
 from toposeam.seam.problem.pyramid import expand, gaussian
-
-Floats32 = npt.NDArray[np.float32]
 
 #: Side of the cells whose mean difference is looked at, px, and every how many-th row and column of them is.
 CELL, STEP = 4, 2

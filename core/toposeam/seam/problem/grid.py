@@ -12,14 +12,12 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
-from toposeam.heat.network import Floats, Ints, Network
-from toposeam.images import Mask
+from toposeam.arrays import AnyInts, Floats, Floats32, Mask
+from toposeam.heat.network import Network
 from toposeam.seam.problem.overlap import FREE, NONE, A, B
 
 #: Corridors are made of squares of so many px; so many of them are open on either side of a seam.
 CELL, SEAM_CELLS = 8, 8
-
-Floats32 = npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,7 +41,7 @@ class CutGrid:
     hot: Floats32
     free: Mask
 
-    def network(self, pixels: Mask) -> tuple[Network, Floats, Ints]:
+    def network(self, pixels: Mask) -> tuple[Network, Floats, AnyInts]:
         """Some free pixels as a network; no interface may join them to other free pixels.
 
         Parameters

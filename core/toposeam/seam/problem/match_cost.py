@@ -38,17 +38,15 @@ from math import prod
 from typing import Any, Literal, get_args
 
 import numpy as np
-import numpy.typing as npt
 
+from toposeam.arrays import Floats32, Mask
 from toposeam.checks import check_choice, check_range
 from toposeam.errors import OptionError, Term
-from toposeam.images import Mask
 from toposeam.seam.problem.natural import LOOK, MOST, perceived
 from toposeam.seam.problem.overlap import FREE, KEPT_PIXELS, KEPT_SHAPES, NONE, Overlap
 
 Law = Literal["natural", "gradient", "colour"]
 LAWS: tuple[Law, ...] = get_args(Law)
-Floats32 = npt.NDArray[np.float32]
 #: Where the step from a pixel to the next one along an axis is known, 1 or 0. One line may stand for all.
 #: It may not be written to.
 Steps = Floats32

@@ -24,11 +24,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
-from toposeam.images import Mask
-
-Floats32 = npt.NDArray[np.float32]
+from toposeam.arrays import Floats32, Mask
 
 #: Side of a cell, px.
 CELL = 2

@@ -35,9 +35,9 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
+from toposeam.arrays import Mask
 from toposeam.checks import check_choice, check_number, check_range
 from toposeam.errors import OverlapError
-from toposeam.images import Mask
 
 A, B, FREE, NONE = 0, 1, 2, 3
 

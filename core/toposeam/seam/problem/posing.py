@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Floats32, Image, Mask
 from toposeam.checks import check_choice
 from toposeam.errors import ImageError, OptionError, Term
 from toposeam.heat.bricks import HIGH, LOW, along
-from toposeam.images import Image, Mask, as_array, as_float, as_mask, check_shape, unit_of, widen
+from toposeam.images import as_array, as_float, as_mask, check_shape, unit_of, widen
 from toposeam.seam.problem.blend_reach import STEP, Reach, any_by_steps, within_reach
-from toposeam.seam.problem.match_cost import Floats32, Law, MatchCost, match_cost, match_options
+from toposeam.seam.problem.match_cost import Law, MatchCost, match_cost, match_options
 from toposeam.seam.problem.overlap import SIDES, Overlap, Side, between_masks, side_by_side
 from toposeam.seam.problem.seam_problem import M_MAX, SeamProblem
 

@@ -6,9 +6,8 @@ from collections.abc import Iterator
 from functools import cache
 
 import numpy as np
-import numpy.typing as npt
 
-Floats32 = npt.NDArray[np.float32]
+from toposeam.arrays import Floats32
 
 #: Planes of about so many pixels in all are dealt with together: more would not fit the caches.
 _TOGETHER = 1 << 19

@@ -26,17 +26,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Floats32, Indices, Mask
 from toposeam.errors import OverlapError
-from toposeam.heat.network import Ints, Network
-from toposeam.images import Mask
+from toposeam.heat.network import Network
 from toposeam.seam.problem.grid import CutGrid, grid_from_sides
-from toposeam.seam.problem.match_cost import Floats32
 from toposeam.seam.problem.overlap import FREE, KEPT_PIXELS, KEPT_SHAPES, NONE, A, B, Overlap, neighbours
 
 #: The thesis's M_max: the cost of an interface where no seam may run, in units of the dearest ordinary one
 #: (at least 1).
 M_MAX = 1e6
-Indices = npt.NDArray[np.intp]
 
 
 def geometry(right: Mask, down: Mask) -> tuple[Indices, Indices, Indices, Indices]:
@@ -96,7 +94,7 @@ def _pattern(side: npt.NDArray[np.uint8], right: Mask, down: Mask) -> Pattern:
     first, second, start, end = geometry(right, down)
     pixels = np.flatnonzero(free)
     n = len(pixels)
-    node: Ints = np.where(side.ravel() == B, n + 1, n).astype(
+    node: Indices = np.where(side.ravel() == B, n + 1, n).astype(
         np.intp if side.size <= KEPT_PIXELS else np.int32
     )
     node[pixels] = np.arange(n)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.images import Mask
+from toposeam.arrays import Mask
 from toposeam.optimize.history import Frame, Iteration, Termination
 
 

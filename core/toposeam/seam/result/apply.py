@@ -22,22 +22,17 @@ What is joined is two regions: p of all rows with q, r and s of row 2, and throu
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
+from toposeam.arrays import AnyInts, Bytes, Floats, Ints, Ints32, Mask
 from toposeam.errors import OptionError, PathError, Term
 from toposeam.images import box_of
 from toposeam.seam.problem.overlap import neighbours
-from toposeam.vector.polyline import Floats, Ints, Mask, Polyline
-
-Bytes = npt.NDArray[np.uint8]
-Ints32 = npt.NDArray[np.int32]
-Integers = npt.NDArray[np.integer[Any]]
+from toposeam.vector.polyline import Polyline
 
 _A, _B, _FREE, _NONE = range(4)
 
@@ -313,7 +308,7 @@ def _regions(cut: _Cut, free: Mask) -> tuple[Ints32, Ints32, Ints]:
     return node, region, np.bincount(region, np.bincount(node + 1, minlength=nodes + 1)[1:]).astype(np.int64)
 
 
-def _components(first: Integers, second: Integers, nodes: int) -> Ints32:
+def _components(first: AnyInts, second: AnyInts, nodes: int) -> Ints32:
     """The connected component of each node of a graph given by its edges."""
     graph = csr_array((np.ones(len(first), np.int8), (first, second)), shape=(nodes, nodes))
     component: Ints32 = connected_components(graph, directed=False)[1]

@@ -8,12 +8,10 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Indices, Mask
 from toposeam.checks import check_items
 from toposeam.display import to_rgba8
-from toposeam.images import Mask
 from toposeam.vector.polyline import Polyline
-
-Ints = npt.NDArray[np.intp]
 
 _LINE = np.array([230, 30, 40], np.uint8)
 _HALO = np.array([255, 255, 255], np.uint8)
@@ -70,7 +68,7 @@ def _visit(visited: Mask, path: Polyline) -> None:
 
 
 def _stamp(
-    drawn: npt.NDArray[np.uint8], row: Ints, column: Ints, radius: int, colour: npt.NDArray[np.uint8]
+    drawn: npt.NDArray[np.uint8], row: Indices, column: Indices, radius: int, colour: npt.NDArray[np.uint8]
 ) -> None:
     """Colour every pixel within a radius of the given ones; seams are few pixels of a large picture."""
     from skimage.morphology import disk

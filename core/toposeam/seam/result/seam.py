@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Mask
 from toposeam.checks import check_number
 from toposeam.errors import OptionError, PathError, Term
-from toposeam.images import Mask
 from toposeam.optimize.history import Frame, Iteration, Termination
 from toposeam.saving import save
 from toposeam.seam.exact.optimum import exact_labels

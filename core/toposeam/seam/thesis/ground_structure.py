@@ -26,16 +26,14 @@ import scipy
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from toposeam.arrays import AnyInts, Floats, Indices, Mask
 from toposeam.errors import SolverError
-from toposeam.heat.network import Floats, Ints, Network
-from toposeam.images import Mask
+from toposeam.heat.network import Network
 from toposeam.seam.problem.overlap import FREE, NONE, TOUCHING, A, B, neighbours
 from toposeam.seam.problem.seam_problem import M_MAX, SeamProblem, geometry
 
 #: M_max, the match cost of the outermost elements.
 OUTERMOST = M_MAX
-
-Indices = npt.NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -161,10 +159,10 @@ class _Conductors:
     """
 
     n: int
-    tail: Ints
-    head: Ints
+    tail: AnyInts
+    head: AnyInts
     network: Network
-    group: Ints  #: (E,) element of the network each one is part of, -1 for none
+    group: AnyInts  #: (E,) element of the network each one is part of, -1 for none
 
     def temperature(self, conductance: Floats) -> Floats:
         part = self.group >= 0
@@ -174,7 +172,7 @@ class _Conductors:
         return self.network.solve(grouped)
 
 
-def _conductors(tail: Ints, head: Ints, n: int, apart: Mask | None = None) -> _Conductors:
+def _conductors(tail: AnyInts, head: AnyInts, n: int, apart: Mask | None = None) -> _Conductors:
     network, group = Network(n, tail, head, apart).quotient(np.arange(n + 2))
     return _Conductors(n, tail, head, network, group)
 
@@ -301,7 +299,7 @@ class PixelNetwork:
     #: (P,) flat index of each free pixel.
     pixels: Indices
     #: (P,) the node it belongs to.
-    node: Ints
+    node: AnyInts
 
     @property
     def unknowns(self) -> int:

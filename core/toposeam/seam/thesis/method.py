@@ -43,9 +43,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Floats, Mask
 from toposeam.errors import SolverError
-from toposeam.heat.network import Floats
-from toposeam.images import Mask
 from toposeam.optimize.history import Frame, Iteration, Termination
 from toposeam.optimize.mma import MMA, MMAOptions
 from toposeam.optimize.oc import OCOptions, oc_step

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.texture.exemplar.atlas import Ints32
+from toposeam.arrays import Ints32
 
 #: Rows of a canvas that are looked at, lit or rendered at a time: all of a large one would take gigabytes.
 ROWS = 256

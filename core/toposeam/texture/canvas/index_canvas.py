@@ -11,9 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.images import Mask
+from toposeam.arrays import Ints32, Mask
 from toposeam.texture.canvas.copy_borders import ROWS
-from toposeam.texture.exemplar.atlas import Ints32
 
 #: Patches for which there is room at first.
 _FIRST = 1024

@@ -7,9 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from toposeam.images import Mask
-from toposeam.texture.exemplar.atlas import Floats32, Ints32
-from toposeam.texture.exemplar.patch_search import Ints
+from toposeam.arrays import Floats32, Indices, Ints32, Mask
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -72,7 +70,7 @@ class PlaceGrid:
     empty: tuple[tuple[int, int], tuple[int, int]]
 
     @property
-    def axes(self) -> tuple[Ints, Ints]:
+    def axes(self) -> tuple[Indices, Indices]:
         """Rows (n,) and columns (m,) of the places."""
         n, m = self.size
         return self.first + self.step * np.arange(n), self.first + self.step * np.arange(m)
@@ -111,8 +109,8 @@ class Offers:
 
     #: (n,) atlas row and column of the patch's first pixel, and how badly it fits there; none where any place
     #: is as good.
-    rows: Ints
-    columns: Ints
+    rows: Indices
+    columns: Indices
     errors: Floats32
     #: How many pixels of the window are empty.
     new: int

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.images import Mask, full_scale, in_dtype
+from toposeam.arrays import Ints32, Mask
+from toposeam.images import full_scale, in_dtype
 from toposeam.texture.canvas.copy_borders import ROWS, joints
-from toposeam.texture.exemplar.atlas import Ints32
 
 #: Largest distance from a seam, px, within which copies can be mixed.
 MAX_SMOOTH = 8

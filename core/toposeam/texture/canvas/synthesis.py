@@ -14,16 +14,17 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
+from toposeam.arrays import Image, Ints32, Mask
 from toposeam.checks import check_choice, check_whole, check_whole_array
 from toposeam.display import to_png
 from toposeam.errors import ImageError, Term
-from toposeam.images import Image, Mask, as_array
+from toposeam.images import as_array
 from toposeam.picture_files import PictureResult
 from toposeam.saving import save
 from toposeam.sentence import counted
 from toposeam.texture.canvas.rendering import MAX_SMOOTH, render
 from toposeam.texture.canvas.tileable import Tileable, wraps_of
-from toposeam.texture.exemplar.atlas import Atlas, Ints32
+from toposeam.texture.exemplar.atlas import Atlas
 from toposeam.texture.exemplar.mirror_narrow import widened
 from toposeam.texture.exemplar.sources import Images, as_list
 from toposeam.texture.exemplar.turns import TURNS, Turns, count_of, turned

@@ -1,7 +1,7 @@
-from .atlas import Atlas, Floats32, Ints32, values_at
+from .atlas import Atlas, values_at
 from .landmarks import guarded
 from .mirror_narrow import widened
-from .patch_search import Ints, PatchSearch, box_sum, reduced, refined
+from .patch_search import PatchSearch, box_sum, reduced, refined
 from .scale import SMALLEST_PATCH, autocorrelation, natural_patch, patch_for
 from .sources import UNSEEN_STEP, DataRange, Images, Sources, as_list, check_varied, read_sources, white_of
 from .turns import TURNS, Turns, count_of, turned, turned_sources
@@ -12,10 +12,7 @@ __all__ = [
     "UNSEEN_STEP",
     "Atlas",
     "DataRange",
-    "Floats32",
     "Images",
-    "Ints",
-    "Ints32",
     "PatchSearch",
     "Sources",
     "Turns",

@@ -14,10 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.images import Mask
-
-Floats32 = npt.NDArray[np.float32]
-Ints32 = npt.NDArray[np.int32]
+from toposeam.arrays import Floats32, Ints32, Mask
 
 #: Exemplars of more pixels are searched at reduced size first.
 SEARCH_PIXELS = 300 * 300

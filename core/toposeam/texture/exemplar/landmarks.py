@@ -11,8 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import ndimage
 
-from toposeam.images import Mask
-from toposeam.texture.exemplar.atlas import Floats32, Ints32
+from toposeam.arrays import Floats32, Ints32, Mask
 from toposeam.texture.exemplar.patch_search import reduced
 
 #: Deviation in px of the means in which pixels are seen, and in which it is decided whether there are

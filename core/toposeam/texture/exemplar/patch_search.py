@@ -21,8 +21,8 @@ import numpy as np
 import numpy.typing as npt
 import scipy.fft as sf
 
-from toposeam.images import Mask
-from toposeam.texture.exemplar.atlas import Atlas, Floats32
+from toposeam.arrays import Complexes32, Floats32, Indices, Mask
+from toposeam.texture.exemplar.atlas import Atlas
 
 #: The share of a window's weight that has to meet usable pixels.
 _LEAST_SHARE = 0.25
@@ -36,9 +36,6 @@ _KEPT = 16
 #: A principal component along which no pixel is this share as far from the mean as one is along the first
 #: counts for nothing.
 _LEAST_COMPONENT = 0.01
-
-Spectrum = npt.NDArray[np.complex64]
-Ints = npt.NDArray[np.intp]
 
 
 class PatchSearch:
@@ -139,13 +136,13 @@ class PatchSearch:
 
     def around(
         self,
-        rows: Ints,
-        columns: Ints,
+        rows: Indices,
+        columns: Indices,
         step: int,
         sample: Compared,
         margin: tuple[int, int],
         patch: tuple[int, int],
-    ) -> tuple[Ints, Ints, Floats32]:
+    ) -> tuple[Indices, Indices, Floats32]:
         """Compute the nine places at and round each of some, at full size, and the mean squared difference
         there: (n, 9) each.
 
@@ -213,15 +210,15 @@ class PatchSearch:
         self._kept[key] = found
         return found
 
-    def _spectra(self, planes: Floats32) -> Spectrum:
+    def _spectra(self, planes: Floats32) -> Complexes32:
         """Transform (n, h, w) planes on the common size; rows beyond them are zero and need no transform of
         their own.
         """
         lines = sf.rfft(planes, self._size[1], axis=2)
-        result: Spectrum = sf.fft(lines, self._size[0], axis=1)
+        result: Complexes32 = sf.fft(lines, self._size[0], axis=1)
         return result
 
-    def _back(self, conjugate: Spectrum, rows: int, columns: int) -> Floats32:
+    def _back(self, conjugate: Complexes32, rows: int, columns: int) -> Floats32:
         """Compute the first rows and columns of the plane with the conjugate of a spectrum, which is
         overwritten.
         """
@@ -235,7 +232,7 @@ class Compared(NamedTuple):
     """Pixels of a window by which places are compared."""
 
     #: (n,) flat index on the atlas, counted from the patch's first pixel.
-    offset: Ints
+    offset: Indices
     #: (n, F) and (n,) float32.
     values: Floats32
     weight: Floats32
@@ -248,7 +245,7 @@ class _Known(NamedTuple):
     meets pixels with a value at every place, and the invalid places.
     """
 
-    squares: Spectrum
+    squares: Complexes32
     share: Floats32
     blocked: Mask
 
@@ -338,11 +335,11 @@ def _summed(values: Floats32, factor: int) -> Floats32:
 
 def refined(
     compared: Sequence[tuple[PatchSearch, Compared, float]],
-    rows: Ints,
-    columns: Ints,
+    rows: Indices,
+    columns: Indices,
     margin: tuple[int, int],
     patch: tuple[int, int],
-) -> tuple[Ints, Ints, Floats32]:
+) -> tuple[Indices, Indices, Floats32]:
     """Refine the best places of a reduced search at full size, in ever smaller steps, and compute their
     errors.
 

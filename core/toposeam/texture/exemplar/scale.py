@@ -7,8 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import scipy.fft as sf
 
-from toposeam.images import Mask
-from toposeam.texture.exemplar.atlas import Floats32
+from toposeam.arrays import Floats32, Mask
 from toposeam.texture.exemplar.mirror_narrow import NARROW, widened
 from toposeam.texture.exemplar.patch_search import whole
 from toposeam.texture.exemplar.sources import DataRange, Images, read_sources

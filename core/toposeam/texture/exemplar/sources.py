@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Floats32, Image, Mask
 from toposeam.checks import Name, check_items, check_number, term_of
 from toposeam.errors import ImageError, OptionError, Term
-from toposeam.images import Image, Mask, as_array, as_float, as_mask, check_values, full_scale
-from toposeam.texture.exemplar.atlas import Floats32
+from toposeam.images import as_array, as_float, as_mask, check_values, full_scale
 
 Images = npt.ArrayLike | Sequence[npt.ArrayLike]
 #: What counts as white in the picture, or in the picture and each of its maps.

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from toposeam.images import Mask
+from toposeam.arrays import Mask
 
 #: So many rows are worked out at a time.
 _ROWS = 64

@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 from scipy import ndimage
 
-from toposeam.images import Mask, box_of
-from toposeam.texture.exemplar.atlas import Floats32
+from toposeam.arrays import Floats32, Mask
+from toposeam.images import box_of
 from toposeam.texture.holes.distances import distance_from
 from toposeam.texture.light.levelling import membrane
 

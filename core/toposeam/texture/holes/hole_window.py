@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Mask
 from toposeam.errors import ImageError, Term
-from toposeam.images import Mask, as_array, as_mask
+from toposeam.images import as_array, as_mask
 from toposeam.texture.canvas.index_canvas import IndexCanvas
 from toposeam.texture.exemplar.atlas import Atlas
 from toposeam.texture.exemplar.sources import Sources

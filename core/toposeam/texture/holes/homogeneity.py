@@ -8,8 +8,8 @@ from collections.abc import Callable
 import numpy as np
 from scipy import ndimage
 
-from toposeam.images import Mask, box_of
-from toposeam.texture.exemplar.atlas import Floats32
+from toposeam.arrays import Floats32, Mask
+from toposeam.images import box_of
 
 #: Reach of a hole's surroundings, in radii of a disc of its area, and at least, px.
 _RADII, _LEAST = 2.0, 64

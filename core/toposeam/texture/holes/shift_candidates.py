@@ -19,8 +19,9 @@ import numpy.typing as npt
 import scipy.fft as sf
 from scipy import ndimage
 
-from toposeam.images import Mask, box_of
-from toposeam.texture.exemplar.atlas import Atlas, Floats32
+from toposeam.arrays import Floats32, Indices, Mask
+from toposeam.images import box_of
+from toposeam.texture.exemplar.atlas import Atlas
 from toposeam.texture.exemplar.patch_search import PatchSearch, box_sum, reduced, refined
 
 #: The statistics are taken on a picture of at most this many pixels, from windows of this side, px.
@@ -35,17 +36,15 @@ _ROUGHLY = 0.5
 _NEAR = 1 / 15
 #: Windows on the rim, and how many places each contributes; how many the whole ring contributes.
 _RIM, _EACH, _WHOLE = 10, 2, 8
-#: Shifts along rows and along columns, each; the share of the hole that one has to bring.
+#: Indices along rows and along columns, each; the share of the hole that one has to bring.
 _LEVEL, _WORTH = 6, 0.03
 #: Places tried for a pixel that no shift reaches.
 _TRIED = 40
 
-Shifts = npt.NDArray[np.intp]
-
 
 def candidate_shifts(
     atlas: Atlas, features: Floats32, hole: Mask, missing: Mask, count: int, rng: np.random.Generator
-) -> Shifts:
+) -> Indices:
     """Find shifts that could bring what a hole lacks.
 
     Parameters
@@ -77,7 +76,7 @@ def candidate_shifts(
     return shifts[np.sort(first)]
 
 
-def _level(copied: Mask, hole: Mask) -> Shifts:
+def _level(copied: Mask, hole: Mask) -> Indices:
     """Find shifts along the rows, and along the columns, each of which brings most of what those before do
     not.
     """
@@ -104,7 +103,7 @@ def _level(copied: Mask, hole: Mask) -> Shifts:
     return np.array(found, np.intp).reshape(-1, 2)
 
 
-def _covering(copied: Mask, hole: Mask, shifts: Shifts, rng: np.random.Generator) -> Shifts:
+def _covering(copied: Mask, hole: Mask, shifts: Indices, rng: np.random.Generator) -> Indices:
     """Further shifts, so that every pixel of the hole has one that brings it something."""
     y, x = np.nonzero(hole)
 
@@ -132,7 +131,7 @@ def _covering(copied: Mask, hole: Mask, shifts: Shifts, rng: np.random.Generator
     return np.array(more, np.intp).reshape(-1, 2)
 
 
-def _dominant(picture: Floats32, copied: Mask, hole: Mask, count: int, rng: np.random.Generator) -> Shifts:
+def _dominant(picture: Floats32, copied: Mask, hole: Mask, count: int, rng: np.random.Generator) -> Indices:
     """Return the shifts by which windows near the hole most often find their match."""
     factor = 1
     while picture.shape[0] * picture.shape[1] / factor**2 > _PIXELS:
@@ -182,7 +181,7 @@ def _dominant(picture: Floats32, copied: Mask, hole: Mask, count: int, rng: np.r
     return _refined(picture, copied, hole, shifts, factor)
 
 
-def _refined(picture: Floats32, copied: Mask, hole: Mask, shifts: Shifts, factor: int) -> Shifts:
+def _refined(picture: Floats32, copied: Mask, hole: Mask, shifts: Indices, factor: int) -> Indices:
     """Refine shifts that were found on a smaller picture, to the pixel: by how well they continue what is
     round the hole.
     """
@@ -215,7 +214,7 @@ def _refined(picture: Floats32, copied: Mask, hole: Mask, shifts: Shifts, factor
     return result
 
 
-def _fitting(atlas: Atlas, features: Floats32, hole: Mask, missing: Mask) -> Shifts:
+def _fitting(atlas: Atlas, features: Floats32, hole: Mask, missing: Mask) -> Indices:
     """Return the shifts to the places that look most like the ring round the hole, and like windows on its
     rim.
     """

@@ -23,11 +23,10 @@ from collections.abc import Callable
 
 import numpy as np
 
+from toposeam.arrays import Indices, Ints32
 from toposeam.seam.find import Method
 from toposeam.texture.canvas.progress import stage
-from toposeam.texture.exemplar.atlas import Ints32
 from toposeam.texture.holes.expectation import expectation
-from toposeam.texture.holes.shift_candidates import Shifts
 from toposeam.texture.holes.shift_map_moves import Ground, ShiftMoves
 
 #: Pixels of the region that decides, at the coarsest stride.
@@ -39,7 +38,7 @@ _SWEEPS, _FINE_SWEEPS = 3, 1
 
 
 def shift_map(
-    ground: Ground, shifts: Shifts, method: Method, progress: Callable[[float], None] | None = None
+    ground: Ground, shifts: Indices, method: Method, progress: Callable[[float], None] | None = None
 ) -> Ints32:
     """Find the shift of every pixel that costs least.
 

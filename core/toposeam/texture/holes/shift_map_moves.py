@@ -10,15 +10,13 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from toposeam.heat.network import Floats
-from toposeam.images import Mask, box_of
+from toposeam.arrays import Floats, Floats32, Indices, Ints32, Mask
+from toposeam.images import box_of
 from toposeam.seam.cut_solver import CutSolver
 from toposeam.seam.exact.expansion import Decide, ExpansionMove, interfaces_beside
 from toposeam.seam.find import Method
 from toposeam.texture.canvas.progress import stage
-from toposeam.texture.exemplar.atlas import Floats32, Ints32
 from toposeam.texture.holes.expectation import Planes, gap_box
-from toposeam.texture.holes.shift_candidates import Shifts
 
 #: What the data term counts.
 _DATA = 6.0
@@ -29,7 +27,6 @@ _BAND = 2
 #: window by window, of this many rows and columns, and shifts expand only beyond their own edges.
 _AT_ONCE, _SIDE = 1_000_000, 128
 
-Ints = npt.NDArray[np.intp]
 Part = tuple[slice, slice]
 EVERYWHERE: Part = np.s_[:, :]
 
@@ -67,7 +64,7 @@ class ShiftMoves:
     def __init__(
         self,
         ground: Ground,
-        shifts: Shifts,
+        shifts: Indices,
         box: tuple[slice, slice],
         stride: int,
         expected: Floats32,
@@ -116,7 +113,7 @@ class ShiftMoves:
         )
         return np.ix_(rows, columns)
 
-    def _brought(self, of: Floats32, label: Ints, rows: Ints, columns: Ints) -> Floats32:
+    def _brought(self, of: Floats32, label: Indices, rows: Indices, columns: Indices) -> Floats32:
         """Return the values of a picture as large as the ground at the place that a labelling takes pixels
         from; rows and columns are those of the region, and all three broadcast.
         """
@@ -141,14 +138,14 @@ class ShiftMoves:
         allowed: Mask = self.ground.copied[at] & inside & self.near[part]
         return allowed
 
-    def _data(self, label: Ints, rows: Ints, columns: Ints) -> Floats32:
+    def _data(self, label: Indices, rows: Indices, columns: Indices) -> Floats32:
         """Return the data term of a labelling of some pixels."""
         apart = np.abs(self._brought(self._like, label, rows, columns) - self.wanted[rows, columns])
         cost: Floats32 = self.weight[rows, columns] * np.einsum("...c->...", apart)
         cost[label == self.itself] = 0
         return cost
 
-    def _paid(self, i: Ints, j: Ints, *ends: tuple[Ints, Ints]) -> Floats:
+    def _paid(self, i: Indices, j: Indices, *ends: tuple[Indices, Indices]) -> Floats:
         """Return what interfaces cost, given by rows and columns of their two ends, that show i and j."""
         total = np.zeros(len(i))
         for pixels in ends:
@@ -208,7 +205,7 @@ class ShiftMoves:
             self.label[here] = index
             left &= ~here
 
-    def total(self, label: Ints, part: Part = EVERYWHERE) -> float:
+    def total(self, label: Indices, part: Part = EVERYWHERE) -> float:
         """Compute the cost of a labelling of a part of the region."""
         label, hole = label.ravel(), np.flatnonzero(self.hole[part])
         p, q = interfaces_beside(self.present[part], self.present[part])
@@ -217,7 +214,7 @@ class ShiftMoves:
         paid = self._paid(label[p], label[q], self._places(p, part), self._places(q, part))
         return float(self._data(label[hole], *self._places(hole, part)).sum(dtype=float) + paid.sum())
 
-    def _places(self, pixels: Ints, part: Part) -> tuple[Ints, Ints]:
+    def _places(self, pixels: Indices, part: Part) -> tuple[Indices, Indices]:
         """Return rows and columns of the region of pixels, given by flat indices in a part of it."""
         row, column = np.divmod(pixels, self.hole[part].shape[1])
         return row + (part[0].start or 0), column + (part[1].start or 0)
@@ -286,7 +283,7 @@ class ShiftMoves:
         if not free.any():
             return 0.0
 
-        def paid(i: Ints, j: Ints, chosen: Any) -> Floats:
+        def paid(i: Indices, j: Indices, chosen: Any) -> Floats:
             return self._paid(i, j, *(self._places(end[chosen], around) for end in ends))
 
         ends, shows = interfaces_beside(free, self.present[around]), label.ravel()

@@ -17,8 +17,7 @@ import numpy.typing as npt
 from scipy import ndimage, sparse
 from scipy.sparse import linalg
 
-from toposeam.images import Mask
-from toposeam.texture.exemplar.atlas import Floats32
+from toposeam.arrays import Floats, Floats32, Ints32, Mask
 
 #: Systems of up to this many unknowns are factorised; larger ones are iterated.
 _DIRECT = 60_000
@@ -35,8 +34,6 @@ _LIGHT = 0.1
 _NEIGHBOURS: Any = ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:]))
 
 Steps = list[tuple[Floats32, Floats32]]
-Ints32 = npt.NDArray[np.int32]
-Floats = npt.NDArray[np.float64]
 
 
 def membrane(values: Floats32, region: Mask) -> Floats32:

@@ -14,11 +14,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
+from toposeam.arrays import Floats32, Ints32, Mask
 from toposeam.heat.poisson import add_steps, spread
-from toposeam.images import Mask
 from toposeam.texture.canvas.copy_borders import ROWS, joints
 from toposeam.texture.canvas.rendering import Lift
-from toposeam.texture.exemplar.atlas import Floats32, Ints32
 from toposeam.texture.exemplar.sources import Sources
 from toposeam.texture.light.slow_light import CopyLight, has_slow_light
 

@@ -22,10 +22,11 @@ import numpy.typing as npt
 from scipy import sparse
 from scipy.sparse import linalg
 
+from toposeam.arrays import Floats, Floats32, Image, Ints32, Mask
 from toposeam.errors import ImageError, Term
-from toposeam.images import Image, Mask, as_array, as_mask, check_values, full_scale, in_dtype
+from toposeam.images import as_array, as_mask, check_values, full_scale, in_dtype
 from toposeam.texture.canvas.copy_borders import ROWS, joints
-from toposeam.texture.exemplar.atlas import Atlas, Floats32, Ints32
+from toposeam.texture.exemplar.atlas import Atlas
 from toposeam.texture.exemplar.sources import Images, as_list
 
 #: Share of a sample's variance that a quadratic surface explains, from which on its light counts as slow.
@@ -41,8 +42,6 @@ _BLACK = 0.05
 _LOOKED_AT = 1 << 13
 #: Light is nowhere taken to be darker than this share of its mean.
 _DARKEST = 0.1
-
-Floats = npt.NDArray[np.float64]
 
 
 def has_slow_light(features: Floats32, usable: Mask) -> bool:

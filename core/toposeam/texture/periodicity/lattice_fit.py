@@ -9,8 +9,9 @@ import math
 from collections.abc import Iterable
 
 import numpy as np
-import numpy.typing as npt
 from scipy import ndimage
+
+from toposeam.arrays import Floats, Indices
 
 #: Share of the best lattice's correlation that a finer one must reach to be taken, on all of its points.
 _FINER = 0.85
@@ -18,9 +19,6 @@ _FINER = 0.85
 _PEAKS, _FITTED = 24, 20
 #: Points of a lattice, at most, by which it is fitted.
 _POINTS = 400
-
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.intp]
 
 
 def finest_lattice(smooth: Floats, element: int) -> Floats | None:
@@ -161,7 +159,7 @@ def _tops(smooth: Floats) -> tuple[Floats, Floats]:
     return best, exact
 
 
-def _highest(given: Iterable[tuple[Floats, Ints]]) -> tuple[Floats, Ints]:
+def _highest(given: Iterable[tuple[Floats, Indices]]) -> tuple[Floats, Indices]:
     """Select the first of the highest values: it, and what stands for it."""
     each = iter(given)
     best, chosen = next(each)
@@ -193,7 +191,7 @@ def _refined(tops: tuple[Floats, Floats], vectors: Floats) -> Floats:
     return vectors
 
 
-def _flat(shifts: Floats, wide: int) -> Ints:
+def _flat(shifts: Floats, wide: int) -> Indices:
     """Compute the flat places of the pixels nearest to some shifts in the lower half of an
     autocorrelation.
     """

@@ -15,11 +15,10 @@ import numpy as np
 import scipy.fft as sf
 from scipy import ndimage
 
-from toposeam.images import Mask
-from toposeam.texture.exemplar.atlas import Floats32
+from toposeam.arrays import Floats, Floats32, Mask
 from toposeam.texture.exemplar.scale import autocorrelation
 from toposeam.texture.exemplar.sources import UNSEEN_STEP
-from toposeam.texture.periodicity.lattice_fit import Floats, finest_lattice, mean_on
+from toposeam.texture.periodicity.lattice_fit import finest_lattice, mean_on
 
 #: Mean correlation with itself on the lattice from which on a texture counts as ordered, by two vectors and
 #: along one direction.

@@ -5,13 +5,11 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Floats, Floats32, Mask
 from toposeam.checks import check_choice, check_pair
-from toposeam.images import Mask
 from toposeam.texture.canvas.places import PlaceGrid
 from toposeam.texture.canvas.tileable import Tileable, wraps_of
-from toposeam.texture.exemplar.atlas import Floats32
 from toposeam.texture.exemplar.sources import DataRange, Images, read_sources
-from toposeam.texture.periodicity.lattice_fit import Floats
 from toposeam.texture.periodicity.period import Order, find_order
 
 

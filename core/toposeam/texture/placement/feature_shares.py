@@ -17,8 +17,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
+from toposeam.arrays import Floats32, Ints32
 from toposeam.texture.canvas.places import PlaceGrid
-from toposeam.texture.exemplar.atlas import Atlas, Floats32, Ints32
+from toposeam.texture.exemplar.atlas import Atlas
 from toposeam.texture.exemplar.patch_search import box_sum, reduced
 
 #: Deviation in px of the means in which pixels are seen.

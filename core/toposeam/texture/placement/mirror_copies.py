@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from toposeam.arrays import Floats32, Ints32
 from toposeam.texture.canvas.index_canvas import IndexCanvas
 from toposeam.texture.canvas.places import PlaceGrid
-from toposeam.texture.exemplar.atlas import Atlas, Floats32, Ints32
+from toposeam.texture.exemplar.atlas import Atlas
 from toposeam.texture.exemplar.patch_search import box_sum
 from toposeam.texture.exemplar.turns import Turns, count_of, turned
 

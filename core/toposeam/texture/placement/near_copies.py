@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from toposeam.arrays import Floats32
 from toposeam.texture.canvas.index_canvas import IndexCanvas
 from toposeam.texture.canvas.places import PlaceGrid
-from toposeam.texture.exemplar.atlas import Atlas, Floats32
+from toposeam.texture.exemplar.atlas import Atlas
 from toposeam.texture.exemplar.patch_search import box_sum
 
 #: Distance within which two copies are near each other, as a share of an exemplar's shorter side.

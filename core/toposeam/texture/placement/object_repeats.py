@@ -12,9 +12,10 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Floats32
 from toposeam.texture.canvas.index_canvas import IndexCanvas
 from toposeam.texture.canvas.places import PlaceGrid
-from toposeam.texture.exemplar.atlas import Atlas, Floats32
+from toposeam.texture.exemplar.atlas import Atlas
 from toposeam.texture.placement.near_copies import Nearby
 
 #: Least number of samples of the canvas in the reach along one axis.

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from toposeam.arrays import Floats32, Ints32, Mask
 from toposeam.errors import ImageError, OverlapError
-from toposeam.images import Mask
 from toposeam.seam.labels import seam_labels
 from toposeam.texture.canvas.index_canvas import IndexCanvas
 from toposeam.texture.canvas.places import Guide, Offers, Penalty, Site
-from toposeam.texture.exemplar.atlas import Atlas, Floats32, Ints32, values_at
+from toposeam.texture.exemplar.atlas import Atlas, values_at
 from toposeam.texture.exemplar.landmarks import guarded, landmarks
 from toposeam.texture.exemplar.turns import Turns
 from toposeam.texture.periodicity.phase import Phase

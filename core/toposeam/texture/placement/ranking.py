@@ -9,11 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Floats32, Indices
 from toposeam.images import box_of
 from toposeam.texture.canvas.index_canvas import IndexCanvas
 from toposeam.texture.canvas.places import Guide, Offers, Penalty, PlaceGrid, Site
-from toposeam.texture.exemplar.atlas import Atlas, Floats32, values_at
-from toposeam.texture.exemplar.patch_search import Ints, PatchSearch, refined
+from toposeam.texture.exemplar.atlas import Atlas, values_at
+from toposeam.texture.exemplar.patch_search import PatchSearch, refined
 from toposeam.texture.placement.options import LayOptions
 from toposeam.texture.placement.usage_penalty import Use
 
@@ -134,7 +135,7 @@ class Ranking:
 
     def _best(
         self, error: Floats32, places: PlaceGrid, large: Sequence[tuple[int, int]]
-    ) -> tuple[Ints, Ints, Floats32]:
+    ) -> tuple[Indices, Indices, Floats32]:
         """Select the best places, some px apart, with their errors times the penalties; without those that
         are used up or would continue a large copy.
         """
@@ -170,8 +171,8 @@ class Ranking:
         site: Site,
         terms: list[_Term],
         error: Floats32,
-        rows: Ints,
-        columns: Ints,
+        rows: Indices,
+        columns: Indices,
         errors: Floats32,
     ) -> None:
         """Replace places and errors of the reduced search by those at full size."""

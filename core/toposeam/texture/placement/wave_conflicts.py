@@ -13,10 +13,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from toposeam.images import Mask
+from toposeam.arrays import Floats32, Ints32, Mask
 from toposeam.texture.canvas.index_canvas import IndexCanvas
 from toposeam.texture.canvas.places import Offers
-from toposeam.texture.exemplar.atlas import Atlas, Floats32, Ints32
+from toposeam.texture.exemplar.atlas import Atlas
 
 
 class Beside:

@@ -15,11 +15,10 @@ from collections.abc import Callable
 import numpy as np
 from scipy import ndimage
 
-from toposeam.images import Mask
+from toposeam.arrays import Floats32, Indices, Ints32, Mask
 from toposeam.texture.canvas.copy_borders import ROWS
 from toposeam.texture.canvas.places import Offers, Site
-from toposeam.texture.exemplar.atlas import Floats32, Ints32, values_at
-from toposeam.texture.exemplar.patch_search import Ints
+from toposeam.texture.exemplar.atlas import values_at
 from toposeam.texture.placement.patch_placer import PatchPlacer
 from toposeam.texture.scheduling.process_pool import Crew
 from toposeam.texture.scheduling.wavefronts import At, lay_wave
@@ -158,7 +157,7 @@ def _worst(
     """Select windows over some of the worst blocks, which do not wait for one another, and these blocks."""
     found: dict[At, tuple[int, int]] = {}
     canvas, apart = placer.canvas, placer.reach(shape)
-    starts: list[Ints] = []  # of the window over each block, by row and by column
+    starts: list[Indices] = []  # of the window over each block, by row and by column
     for number, length, wraps, limit in zip(local.shape, shape, canvas.wrap, canvas.shape, strict=True):
         start = _BLOCK * np.arange(number) + _BLOCK // 2 - length // 2
         starts.append(start if wraps else np.clip(start, 0, max(limit - length, 0)))
@@ -205,7 +204,7 @@ def _norm(values: Floats32, usable: Mask) -> Floats32:
     return result
 
 
-def _block_sums(cost: Floats32, rows: Ints, columns: Ints) -> Floats32:
+def _block_sums(cost: Floats32, rows: Indices, columns: Indices) -> Floats32:
     """Sum the costs of some blocks: (len(rows), len(columns))."""
     steps = np.arange(_BLOCK)
     part = cost[

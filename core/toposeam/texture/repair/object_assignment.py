@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
-from toposeam.texture.exemplar.patch_search import Ints
+from toposeam.arrays import Indices
 from toposeam.texture.placement.near_copies import NEAR
 from toposeam.texture.placement.patch_placer import PatchPlacer
 from toposeam.texture.repair.object_index import Positions
@@ -213,7 +213,7 @@ class Exchange:
         same = [np.count_nonzero(numbers[near] == own) for near, own in zip(beside, numbers, strict=True)]
         twice = np.array(same, np.intp)
         best, fewest = numbers.copy(), np.count_nonzero(twice)
-        fitting: dict[int, Ints] = {}
+        fitting: dict[int, Indices] = {}
         for _ in range(_THOUGHT * fewest):
             bad = np.flatnonzero(twice)
             if not len(bad):

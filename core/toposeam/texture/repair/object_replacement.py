@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from toposeam.images import Mask, box_of
+from toposeam.arrays import Indices, Ints32, Mask
+from toposeam.images import box_of
 from toposeam.seam.labels import BEST
-from toposeam.texture.exemplar.atlas import Ints32, values_at
-from toposeam.texture.exemplar.patch_search import Ints
+from toposeam.texture.exemplar.atlas import values_at
 from toposeam.texture.placement.patch_placer import ClosedPatch, PatchPlacer
 from toposeam.texture.repair.objects import RING, At, Key, Objects
 
@@ -192,7 +192,7 @@ class Replacing:
             self._reaches[kind] = max((far for far in around if far <= self._room), default=-1)
         return self._reaches[kind]
 
-    def fitting(self, key: Key, aside: int) -> Ints:
+    def fitting(self, key: Key, aside: int) -> Indices:
         """List the objects that have room in the place of one, up to some steps aside, itself too."""
         others = self.like(key[0])
         around = self._around(key[0], others, aside)
@@ -339,7 +339,7 @@ class Replacing:
         patch = ClosedPatch(at=(top, left), source=source, before=before, must=must[box], may=may[box])
         return patch, joined
 
-    def _rooms(self, window: Window, numbers: list[int], aside: int) -> Iterator[tuple[int, Ints]]:
+    def _rooms(self, window: Window, numbers: list[int], aside: int) -> Iterator[tuple[int, Indices]]:
         """Yield the objects that have room in the middle of a window, or beside it, and where their middles
         may lie then: flat indices of the window.
         """

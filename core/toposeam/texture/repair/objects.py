@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
+from toposeam.arrays import Floats32, Indices, Ints32
 from toposeam.texture.canvas.copy_borders import ROWS
 from toposeam.texture.canvas.index_canvas import IndexCanvas
-from toposeam.texture.exemplar.atlas import Atlas, Floats32, Ints32
-from toposeam.texture.exemplar.patch_search import Ints
+from toposeam.texture.exemplar.atlas import Atlas
 
 #: px round an object in which a seam round it may run.
 RING = 6
@@ -35,8 +35,8 @@ class Object:
     #: Row and column of its middle on the atlas.
     middle: At
     #: (n, 2) its pixels, and those of ground round it, from its middle on.
-    pixels: Ints
-    ring: Ints
+    pixels: Indices
+    ring: Indices
     #: How far its pixels are from its middle at most, along either axis.
     reach: int
     #: Whether it lies in its exemplar wholly, as far as can be seen.
@@ -81,7 +81,7 @@ class Objects:
             found.update(self.at(y + top, x, part.ravel()))
         return found
 
-    def at(self, y: Ints, x: Ints, index: Ints32) -> Counter[Key]:
+    def at(self, y: Indices, x: Indices, index: Ints32) -> Counter[Key]:
         """Count the same for some pixels only: their rows, columns and flat indices, (n,) each."""
         number = self.marks.ravel().take(np.maximum(index, 0)) * (index >= 0)
         on = np.flatnonzero(number)

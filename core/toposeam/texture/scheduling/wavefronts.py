@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from toposeam.images import Mask
+from toposeam.arrays import Mask
 from toposeam.texture.canvas.places import Offers, Site
 from toposeam.texture.placement.patch_placer import PatchPlacer
 from toposeam.texture.scheduling.process_pool import Crew

@@ -13,11 +13,12 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
+from toposeam.arrays import Mask, Volume
 from toposeam.heat.bricks import HIGH, LOW, along
 from toposeam.heat.poisson import add_steps, spread_in_cycle
-from toposeam.images import Mask, full_scale, in_dtype
+from toposeam.images import full_scale, in_dtype
 from toposeam.volume.clip.period import Jump
-from toposeam.volume.problem.arrays import Volume, as_shares
+from toposeam.volume.problem.arrays import as_shares
 
 #: Light is the same within this share of the longer side, ...
 _LIGHT = 0.15

@@ -11,12 +11,12 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
+from toposeam.arrays import Floats32, Mask, Volume
 from toposeam.checks import Seed, check_choice, check_function, check_kind, check_pair, check_whole, seed_of
 from toposeam.display import to_png
 from toposeam.errors import ImageError, OptionError, Term
-from toposeam.heat.sweeps import Floats32
 from toposeam.heat.threads import one_thread
-from toposeam.images import MAX_PIXELS, Mask, as_mask
+from toposeam.images import MAX_PIXELS, as_mask
 from toposeam.seam.problem.match_cost import MatchCost, check_no_reach, match_options
 from toposeam.sentence import counted
 from toposeam.volume.clip.levelling import levelled, without_light
@@ -33,7 +33,7 @@ from toposeam.volume.clip.verdict import LoopVerdict, steps, verdict_of, worst_o
 from toposeam.volume.clip.walk import closed_walk
 from toposeam.volume.find import find_surface
 from toposeam.volume.heat.method import SurfaceKeywords, SurfaceOptions
-from toposeam.volume.problem.arrays import Volume, as_volume
+from toposeam.volume.problem.arrays import as_volume
 from toposeam.volume.problem.posing import check_spacing
 from toposeam.volume.surface import Surface
 

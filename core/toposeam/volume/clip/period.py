@@ -9,11 +9,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from toposeam.heat.sweeps import Floats32
-from toposeam.images import Mask
+from toposeam.arrays import Floats32, Mask, Volume
 from toposeam.seam.problem.match_cost import MatchCost
 from toposeam.volume.heat.method import SurfaceOptions, heat_surface
-from toposeam.volume.problem.arrays import Volume, as_shares
+from toposeam.volume.problem.arrays import as_shares
 from toposeam.volume.problem.posing import surface_problem
 from toposeam.volume.problem.surface_problem import SurfaceProblem
 

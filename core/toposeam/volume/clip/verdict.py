@@ -17,10 +17,9 @@ import numpy.typing as npt
 from scipy import ndimage
 from skimage.registration import phase_cross_correlation
 
-from toposeam.heat.sweeps import Floats32
-from toposeam.images import Mask
+from toposeam.arrays import Floats32, Mask, Volume
 from toposeam.volume.clip.period import Jump
-from toposeam.volume.problem.arrays import Volume, as_shares
+from toposeam.volume.problem.arrays import as_shares
 
 #: Frames are judged reduced to at most this many pixels a side.
 _SIDE = 256

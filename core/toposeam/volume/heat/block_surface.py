@@ -9,12 +9,10 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from toposeam.arrays import Bytes, Floats32, Mask
 from toposeam.heat.bricks import along
-from toposeam.heat.sweeps import Floats32
 from toposeam.heat.threads import one_thread
-from toposeam.images import Mask
 from toposeam.seam.problem.match_cost import MatchCost
 from toposeam.seam.problem.overlap import FREE, A, B, Overlap
 from toposeam.volume.heat.method import SurfaceOptions, heat_surface
@@ -29,7 +27,6 @@ COARSE_SHARE = 0.3
 _COARSE_OPTIONS = SurfaceOptions(tolerance=1e-2)
 
 #: `A`, `B` or `FREE` per voxel.
-Sides = npt.NDArray[np.uint8]
 
 
 def coarse_span(shape: tuple[int, ...]) -> tuple[int, ...]:
@@ -152,7 +149,7 @@ def block_costs(
 
 def block_sides(
     shape: tuple[int, ...], ground: dict[tuple[int, bool], int], start: Sequence[int], whole: tuple[int, ...]
-) -> Sides:
+) -> Bytes:
     """`A`, `B` or `FREE` for a part of the common box: voxels at ground which only one stack covers."""
     touches = np.zeros((2, *shape), bool)
     for (axis, upper), label in ground.items():

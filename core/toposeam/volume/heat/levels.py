@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Floats32, Mask
 from toposeam.heat.bricks import HIGH, LOW, along
-from toposeam.heat.sweeps import Floats32
-from toposeam.images import Mask
 
 #: Grids with at most this many voxels are not made coarser still, ...
 COARSEST = 4096

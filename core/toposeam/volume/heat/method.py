@@ -22,12 +22,12 @@ from scipy import ndimage
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from toposeam.arrays import Floats32, Mask
 from toposeam.checks import check_range, check_whole
 from toposeam.errors import OverlapError
 from toposeam.heat.bricks import HIGH, LOW, along
 from toposeam.heat.grid_flow import GridFlow
-from toposeam.heat.sweeps import Floats32, Merged
-from toposeam.images import Mask
+from toposeam.heat.sweeps import Merged
 from toposeam.optimize.history import Iteration, Termination
 from toposeam.seam.problem.overlap import FREE, A, B
 from toposeam.seam.problem.solution import Solution

@@ -1,4 +1,4 @@
-from .arrays import Volume, as_shares, as_volume
+from .arrays import as_shares, as_volume
 from .canvas import Places, placed
 from .posing import check_spacing, face_areas, match_costs
 from .surface_problem import SurfaceProblem
@@ -6,7 +6,6 @@ from .surface_problem import SurfaceProblem
 __all__ = [
     "Places",
     "SurfaceProblem",
-    "Volume",
     "as_shares",
     "as_volume",
     "check_spacing",

@@ -7,11 +7,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Volume
 from toposeam.checks import check_whole, is_masked
 from toposeam.errors import ImageError, OptionError, Term
 from toposeam.images import as_float
-
-Volume = npt.NDArray[Any]
 
 
 def as_volume(volume: Any, name: str, channel_axis: int | None = None) -> Volume:

@@ -9,15 +9,15 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Floats32, Mask, Volume
 from toposeam.checks import check_choice, check_number
 from toposeam.errors import ImageError, OptionError, OverlapError, Term
 from toposeam.heat.bricks import along
-from toposeam.heat.sweeps import Floats32
-from toposeam.images import Mask, as_mask
+from toposeam.images import as_mask
 from toposeam.seam.problem.match_cost import MatchCost, match_cost
 from toposeam.seam.problem.overlap import FREE, A, B, Overlap
 from toposeam.seam.problem.posing import as_weights, forbid, placed
-from toposeam.volume.problem.arrays import Volume, as_shares, as_volume
+from toposeam.volume.problem.arrays import as_shares, as_volume
 from toposeam.volume.problem.surface_problem import SurfaceProblem
 
 #: The match cost is computed from blocks of about this many voxels.

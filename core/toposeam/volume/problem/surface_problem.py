@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import AnyInts, Floats, Floats32, Mask
 from toposeam.errors import OverlapError
 from toposeam.heat.bricks import HIGH, LOW, along
-from toposeam.heat.network import Floats, Ints, Network
-from toposeam.heat.sweeps import Floats32
-from toposeam.images import Mask
+from toposeam.heat.network import Network
 from toposeam.seam.problem.overlap import FREE, A, B, Overlap
 
 
@@ -78,7 +77,7 @@ class SurfaceProblem:
         result[on_canvas][shared] = self.complete(labels)[on_window][shared]
         return result
 
-    def network(self) -> tuple[Network, Floats, Ints]:
+    def network(self) -> tuple[Network, Floats, AnyInts]:
         """Return the free voxels as a network.
 
         Returns
@@ -100,7 +99,7 @@ class SurfaceProblem:
         tail, head = np.concatenate(tails), np.concatenate(heads)
         return Network(n, tail, head), np.concatenate(weights).astype(np.float64), index
 
-    def _elements(self, node: npt.NDArray[np.int32], n: int) -> Iterator[tuple[Ints, Ints, Floats32]]:
+    def _elements(self, node: npt.NDArray[np.int32], n: int) -> Iterator[tuple[AnyInts, AnyInts, Floats32]]:
         for axis, cost in enumerate(self.costs):
             one, other = node[along(axis, LOW)], node[along(axis, HIGH)]
             joined = (cost > 0) & (np.minimum(one, other) < n) & (one >= 0) & (other >= 0)

@@ -42,6 +42,7 @@ from pathlib import Path
 from toposeam_cli.app.main import main
 from toposeam_cli.stitching import inputs
 if sys.argv.pop(1) == "files":
+    assert inputs.STORED_PIXELS > 0, "pictures would not wait in files if this were elsewhere"
     inputs.STORED_PIXELS = 0
 try:
     main()
@@ -55,7 +56,7 @@ ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "VIPS_CONCURR
 
 #: Width of the scene that goes round, px.
 PERIOD = 300
-#: Of large pictures only every so many pixels of a row and of a column is stored.
+#: Of large pictures every tenth pixel of every tenth row is stored.
 EVERY = 10
 
 
@@ -244,7 +245,7 @@ def enblended(folder: Path) -> Made:
     return Made(pixels_of(folder / "out.tif"), peak_mb=peak)
 
 
-#: The seam of the first two, bent by as many px at its middle.
+#: How far the seam of the first two pictures is bent at its middle, px.
 BEND = 9
 
 

@@ -23,7 +23,8 @@ def test_a_stitch_is_as_in_the_last_version(name, tmp_path):
         assert made.cost is None
     else:
         assert made.cost == pytest.approx(before["cost"], rel=1e-6), f"{TOLD} --write {name!r}"
-    assert psnr(made.picture, pixels_of(picture_of(name))) > 60, f"{TOLD} --write {name!r}"
+    likeness = psnr(made.picture, pixels_of(picture_of(name)))
+    assert likeness > 60, f"{TOLD} --write {name!r}"
     assert made.keys == json.loads(KEYS.read_text())[name], f"{TOLD} --write-keys {name!r}"
     if made.peak_mb is not None and before["peak_mb"] is not None:
         assert made.peak_mb <= 1.15 * before["peak_mb"] + 20, "it takes more memory than it did"

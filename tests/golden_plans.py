@@ -288,7 +288,9 @@ WIDE = ((30, 120, 530, 110), (50, 160, 530, 110))
 
 
 def by_stroke(folder: Path) -> Made:
-    """What GIMP shows after a stroke for each of two layers, near the left end of their seam."""
+    """What GIMP shows after a stroke for each of two layers that a straight line divides: near its left end
+    the seam is found anew, and stays straight elsewhere.
+    """
     from engine_requests import Request, points_of, result_of
 
     parts = [seen(*place, number) for number, place in enumerate(WIDE)]
@@ -298,7 +300,9 @@ def by_stroke(folder: Path) -> Made:
         np.s_[y : y + height, x : x + width]
         for (x, y), (height, width) in zip(places, (part.shape[:2] for part in parts), strict=True)
     ]
-    whole = ts.stitch(layers)
+    shape = ts.layers.common_canvas(layers).shape
+    upper = np.full(parts[1].shape[:2], 255, np.uint8)
+    upper[:35, : WIDE[0][2] - places[1][0]] = 0
     opaque = [np.dstack([part, np.full(part.shape[:2], 255, np.uint8)]) for part in parts]
     strokes = np.zeros((66, 60, 4), np.uint8)
     strokes[8:14, :20], strokes[50:58, 35:] = (255, 0, 0, 255), (0, 0, 255, 255)
@@ -311,7 +315,7 @@ def by_stroke(folder: Path) -> Made:
                     request.raster(f"layer{number}", pixels, places[number])
                     for number, pixels in enumerate(opaque)
                 ],
-                shown=[None, request.raster("shown", np.uint8(255) * whole.masks[1][on_canvas[1]])],
+                shown=[None, request.raster("shown", upper)],
                 hints=request.raster("hints", strokes, (40, 42)),
                 colours=[[0, 0, 255], [255, 0, 0]],
                 seams=[],
@@ -320,8 +324,8 @@ def by_stroke(folder: Path) -> Made:
         )
     finally:
         request.close()
-    shows = request.seen(result["masks"], on_canvas, whole.label_map.shape)
-    picture = np.zeros((*shows.shape, 4), np.uint8)
+    shows = request.seen(result["masks"], on_canvas, shape)
+    picture = np.zeros((*shape, 4), np.uint8)
     for number, place in enumerate(on_canvas):
         np.copyto(picture[place], opaque[number], where=(shows[place] == number)[..., None])
     (x, y), over = result["blended"]["at"], request.pixels(result["blended"])
@@ -329,7 +333,7 @@ def by_stroke(folder: Path) -> Made:
     np.copyto(part, over, where=over[..., 3:] > 0)
     (seam,) = result["seams"]
     lines = tuple(ts.vector.Polyline(points_of(line), line["closed"]) for line in seam["lines"])
-    drawing = ts.vector.SvgSeam(lines, shows.shape[1], shows.shape[0], None, ("seam",) * len(lines))
+    drawing = ts.vector.SvgSeam(lines, shape[1], shape[0], None, ("seam",) * len(lines))
     cost = ts.layers.restitch(layers, [shows == 0, shows == 1], {(0, 1): drawing}).cost
     return Made(picture, cost, sorted(set(keys_of(result))))
 

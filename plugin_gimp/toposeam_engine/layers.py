@@ -14,7 +14,7 @@ import numpy.typing as npt
 import toposeam as ts
 from toposeam.arrays import Image, Mask
 from toposeam.images import full_scale
-from toposeam.layers.canvas.layer import Extent
+from toposeam.layers.canvas.canvas import Canvas
 from toposeam_engine.job import EngineJob
 
 
@@ -56,17 +56,17 @@ def place_of(raster: Mapping[str, Any]) -> tuple[int, int]:
     return int(x), int(y)
 
 
-def selected_on(job: EngineJob, canvas: Extent) -> Mask | None:
+def selected_on(job: EngineJob, canvas: Canvas) -> Mask | None:
     """(H, W) bool on a canvas: what is selected; None without a selection."""
     return _white_on(job, job.request.get("selection"), canvas)
 
 
-def avoided_on(job: EngineJob, canvas: Extent) -> Mask | None:
+def avoided_on(job: EngineJob, canvas: Canvas) -> Mask | None:
     """(H, W) bool on a canvas: what seams keep away from, by a channel or a mask; None without one."""
     return _white_on(job, job.request.get("avoid"), canvas)
 
 
-def _white_on(job: EngineJob, raster: Mapping[str, Any] | None, canvas: Extent) -> Mask | None:
+def _white_on(job: EngineJob, raster: Mapping[str, Any] | None, canvas: Canvas) -> Mask | None:
     if raster is None:
         return None
     white = ts.Layer(job.read(raster) >= 128, at=place_of(raster))
@@ -84,7 +84,7 @@ def with_alpha(image: Image, alpha: Image | None) -> Image:
 
 
 def masks_of(
-    job: EngineJob, layers: Sequence[ts.Layer], labels: Any, canvas: Extent
+    job: EngineJob, layers: Sequence[ts.Layer], labels: Any, canvas: Canvas
 ) -> list[dict[str, Any] | None]:
     """Return each layer's mask, of the layer's own size: 0 where a lower one is to be seen, 255 elsewhere, so
     that what is painted black on a mask shows the layers below.
@@ -108,7 +108,7 @@ def masks_of(
     return masks
 
 
-def labels_raster(job: EngineJob, labels: Any, canvas: Extent) -> dict[str, Any]:
+def labels_raster(job: EngineJob, labels: Any, canvas: Canvas) -> dict[str, Any]:
     """Return which layer shows at each pixel, counted from 1, and where the canvas lies."""
     dtype = np.uint8 if labels.max(initial=0) < 255 else np.uint16
     counted = np.add(labels, 1, dtype=dtype, casting="unsafe")
@@ -121,13 +121,13 @@ def blending(options: Mapping[str, Any]) -> dict[str, Any]:
     if law := chosen.pop("law", None):
         chosen["cost"] = ts.seam.MatchCost(law=law)
     width = chosen.pop("blend_width", 0)
-    if width and chosen.get("blend") in ("feather", "multiband", "gradient"):
+    if width and ts.layers.StitchOptions(blend=chosen.get("blend", "none")).blending.takes_width:
         chosen["blend_width"] = float(width)
     return chosen
 
 
 def changes_of(
-    job: EngineJob, layers: Sequence[ts.Layer], stitched: ts.layers.Stitched, canvas: Extent
+    job: EngineJob, layers: Sequence[ts.Layer], stitched: ts.layers.Composition, canvas: Canvas
 ) -> dict[str, Any] | None:
     """Return the pixels in which the composite differs from the layers under their masks, transparent
     elsewhere; None if it does not differ.

@@ -85,16 +85,15 @@ def moved(layers: Sequence[ts.Layer], right: int, down: int) -> list[ts.Layer]:
 
 
 def framed(
-    layers: Sequence[ts.Layer], found: ts.layers.Stitched, *, crop: bool
-) -> tuple[list[ts.Layer], ts.layers.Stitched, list[int]]:
+    layers: Sequence[ts.Layer], found: ts.layers.Composition, *, crop: bool
+) -> tuple[list[ts.Layer], ts.layers.Composition, list[int]]:
     """Move everything so that a canvas which begins at 0,0 holds it, or the largest rectangle of it without
     holes; also return that canvas's width and height.
     """
-    height, width = found.label_map.shape
+    height, width = found.shape
     box = None
     if crop and found.alpha is not None:
         box = largest_full(np.asarray(found.alpha == full_scale(found.alpha.dtype)))
     top, left, bottom, right = box or (0, 0, height, width)
     x, y = found.origin[0] + left, found.origin[1] + top
-    origin = found.origin[0] - x, found.origin[1] - y
-    return moved(layers, -x, -y), dataclasses.replace(found, origin=origin), [right - left, bottom - top]
+    return moved(layers, -x, -y), found.moved(-x, -y), [right - left, bottom - top]

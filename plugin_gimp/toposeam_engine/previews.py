@@ -82,7 +82,7 @@ def _patch(job: EngineJob) -> Image:
     return _with_seams(job, found)
 
 
-def _with_seams(job: EngineJob, found: ts.layers.Stitched) -> Image:
+def _with_seams(job: EngineJob, found: ts.layers.Composition) -> Image:
     lined = job.request.get("seam_line", True)
     return with_alpha(ts.seam.draw_seams(found.image, found.seams) if lined else found.image, found.alpha)
 

@@ -49,7 +49,7 @@ def stitch(job: EngineJob) -> dict[str, Any]:
     return result | _joined(job, layers, found)
 
 
-def stitched(job: EngineJob, layers: Sequence[ts.Layer]) -> tuple[PlacedLayers, ts.layers.Stitched]:
+def stitched(job: EngineJob, layers: Sequence[ts.Layer]) -> tuple[PlacedLayers, ts.layers.Composition]:
     """Return the layers, in the places and tones asked for, and what they make."""
     options = blending(job.options)
     start = _FINDING if options.get("places") == "anywhere" else 0.0
@@ -76,7 +76,7 @@ def patch(job: EngineJob) -> dict[str, Any]:
     return _joined(job, layers, stitched_patch(job, layers))
 
 
-def stitched_patch(job: EngineJob, layers: Sequence[ts.Layer]) -> ts.layers.Stitched:
+def stitched_patch(job: EngineJob, layers: Sequence[ts.Layer]) -> ts.layers.Composition:
     """Return what the layer below and the patch make."""
     avoid = avoided_on(job, ts.layers.common_canvas(layers))
     return ts.stitch(layers, avoid=avoid, progress=job.progress, **blending(job.options))
@@ -100,7 +100,7 @@ def outside(job: EngineJob, layers: Sequence[ts.Layer]) -> Any:
     return ~selected | avoided
 
 
-def _joined(job: EngineJob, layers: Sequence[ts.Layer], found: ts.layers.Stitched) -> dict[str, Any]:
+def _joined(job: EngineJob, layers: Sequence[ts.Layer], found: ts.layers.Composition) -> dict[str, Any]:
     canvas = ts.layers.common_canvas(layers)
     return {
         "masks": masks_of(job, layers, found.label_map, canvas),

@@ -24,7 +24,7 @@ def results():
     return {
         "seam": seam,
         "stitched": ts.stitch(LAYERS),
-        "composition": ts.layers.compose(LAYERS),
+        "composition": ts.stitch(LAYERS),
         "aligned": ts.layers.align(LAYERS, radius=4),
         "synthesis": ts.synthesize(PICTURE, (50, 60), patch=16, seed=1),
         "palette": ts.motif.palette("indigo", 3),

@@ -234,7 +234,7 @@ class Fuzzer:
                 (
                     ts.seam.Seam,
                     ts.texture.Synthesis,
-                    ts.layers.Stitched,
+                    ts.layers.Composition,
                     ts.motif.Motif,
                     ts.motif.Recipe,
                     ts.vector.Polyline,

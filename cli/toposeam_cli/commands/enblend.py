@@ -11,7 +11,8 @@ import click
 import numpy as np
 
 import toposeam as ts
-from toposeam.layers.composite.compose import shown_as
+from toposeam.layers.canvas.layer import Box
+from toposeam.layers.composite.stitch import composed_of_masks
 from toposeam_cli.app.options import OUTPUT
 from toposeam_cli.app.progress import share_bar
 from toposeam_cli.files.scratch import scratch
@@ -29,12 +30,11 @@ from toposeam_cli.stitching.enblend_line import (
     understood,
     wrap_of,
 )
-from toposeam_cli.stitching.hugin_crop import Framed
 from toposeam_cli.stitching.inputs import PlacedPictures, arrange
 from toposeam_cli.stitching.outputs import Outputs
 from toposeam_cli.stitching.positions import Where
+from toposeam_cli.stitching.rendering import render, write
 from toposeam_cli.stitching.report import hidden
-from toposeam_cli.stitching.windowed_output import make, write_large
 
 #: A result of more pixels is refused, as by ``stitch --max-megapixels``; a panorama has a frame.
 _MAX_MEGAPIXELS = 4000.0
@@ -109,18 +109,19 @@ def enblend(words: tuple[str, ...], **given: Any) -> None:
         shape = frame.height, frame.width
         if given["load_masks"] is not None or len(layers) == 1:
             masks = None if given["load_masks"] is None else _masks(given["load_masks"], files, output, shape)
-            whole = shown_as(layers, masks, shape, **options)
+            whole = composed_of_masks(layers, masks, shape, **options)
         else:
-            whole = ts.layers.compose(layers, max_megapixels=_MAX_MEGAPIXELS, **options)
-        composed = Framed(whole, frame.width, frame.height)
+            whole = ts.stitch(layers, max_megapixels=_MAX_MEGAPIXELS, **options)
+        left, top = (-edge for edge in whole.origin)
+        composed = whole.crop(Box(top, left, top + frame.height, left + frame.width))
         with all_or_nothing():
-            large = make(composed, job, out, "outside", files_of_pixels, progress)
+            rendered = render(composed, job, out, "outside", files_of_pixels, progress)
             if given["save_masks"] is not None:
                 for index, file in enumerate(files):
                     name = mask_name(given["save_masks"], index, file, output)
                     shows = composed.labels(slice(0, frame.height), slice(0, frame.width)) == index
                     write_picture(name, Picture(pixels=shows.astype(np.uint8) * np.uint8(255)), True)
-            write_large(out, composed, large, [], files_of_pixels)
+            write(out, job, rendered, [], files_of_pixels)
     if given["load_masks"] is None:
         for warning in hidden(whole, "mask the others in Hugin where one is to show"):
             click.echo(f"warning: {warning}", err=True)

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 import toposeam as ts
 from toposeam.images import full_scale
-from toposeam.layers.canvas.layer import extent_of
+from toposeam.layers.canvas.canvas import extent_of
 from toposeam.layers.canvas.transforms import CameraTransform, Transform, is_move, similarity
 from toposeam.layers.execution.tasks import Executor, results
 from toposeam.layers.registration.find_places import PlaceOptions, among, found_places
@@ -240,54 +240,41 @@ def arrange(
     reading = _Reading(limit=limit, scratch=kept, skips=skip_bad, executor=executor, elsewhere=stores)
     sources, wrap = _sources(files, where, reading, 1 if alone else 2)
     pictures = match_pictures([source.picture for source in sources], keep)
-    transforms = [source.transform for source in sources if source.transform is not None]
-    if not transforms:
-        numbers = reading.numbers if reading.lost else None
-        places = places_of(
-            [source.file or Path() for source in sources], pictures, where, numbers, len(files)
-        )
-        if places is None and alone:
-            places = [(0, 0) for _ in sources]
-        transforms = [similarity((float(x), float(y))) for x, y in places or ()]
+    transforms = _given_places(sources, pictures, where, reading, len(files), alone=alone)
     notes = [{} if transforms else noted(source.file) for source in sources]
-    layers = [
-        ts.Layer(
-            picture.pixels,
-            alpha=picture.alpha,
-            name=source.name,
-            data_range=1.0 if picture.pixels.dtype.kind == "f" else None,
-            exposure=exposure(own),
-        )
-        for source, picture, own in zip(sources, pictures, notes, strict=True)
-    ]
     named = PlacedPictures(
-        pictures=(), layers=tuple(layers), numbers=tuple(reading.numbers), lost=tuple(reading.lost)
+        pictures=(),
+        layers=tuple(map(_layer, sources, pictures, notes)),
+        numbers=tuple(reading.numbers),
+        lost=tuple(reading.lost),
     )
     layers = _masked(named, sources, masks, keeps, limit)
-    placement = None
-    apart: list[list[Path | None]] = []
     most = max(max_megapixels, ts.MAX_PIXELS / 1e6)
+    place = partial(placed_layers, scratch=kept, executor=executor, max_megapixels=most)
+    placement = None
+    other_groups: tuple[tuple[Path, ...], ...] = ()
     if not transforms:
-        place = partial(placed_layers, scratch=kept, executor=executor, max_megapixels=most)
-        found = None if kept is None else executor
-        options = _of_sources(finding or PlaceFinding(), sources, notes, reading.numbers)
+        finding = finding or PlaceFinding()
+        options = _of_sources(finding, sources, notes, reading.numbers)
         try:
-            placement = found_places(layers, options, progress, found, place)
+            placement = found_places(layers, options, progress, executor if kept else None, place)
         except ts.OverlapError as error:
             raise _with_fisheyes(error, sources, notes) from error
         layers, wrap, transforms = list(placement.layers), placement.wrap, list(placement.transforms)
-        apart = [[sources[number].file for number in group] for group in placement.other_groups]
+        grouped = {number for group in placement.other_groups for number in group}
+        reading.leave_out(placement.left_out, grouped if finding.takes_groups else ())
+        other_groups = tuple(
+            tuple(file for number in group if (file := sources[number].file) is not None)
+            for group in placement.other_groups
+        )
         sources = [sources[number] for number in placement.numbers]
         pictures = [pictures[number] for number in placement.numbers]
-        grouped = {number for group in placement.other_groups for number in group}
-        told = finding is None or not finding.takes_groups
-        reading.leave_out(placement.left_out, () if told else grouped)
     elif finding is not None and finding.named:
         raise ts.OptionError(
             f"{finding.named[0]} is for places that are found, and here they are given; leave it out"
         )
     else:
-        layers = placed_layers(layers, transforms, kept, executor, most)
+        layers = place(layers, transforms)
     if len(layers) == 2 and not alone:
         _check_touching(*layers)
     upright = [
@@ -303,10 +290,41 @@ def arrange(
         skipped=tuple(reading.reasons),
         numbers=tuple(reading.numbers),
         lost=tuple(reading.lost),
-        other_groups=tuple(tuple(file for file in group if file is not None) for group in apart),
+        other_groups=other_groups,
         stored=kept is not None,
         transforms=tuple(transforms),
         wrap=wrap,
+    )
+
+
+def _given_places(
+    sources: Sequence[_Source],
+    pictures: Sequence[Picture],
+    where: Where,
+    reading: _Reading,
+    count: int,
+    *,
+    alone: bool,
+) -> list[Transform]:
+    """Return where the pictures lie, by their file or by the options; none where that has to be found."""
+    transforms = [source.transform for source in sources if source.transform is not None]
+    if transforms:
+        return transforms
+    numbers = reading.numbers if reading.lost else None
+    places = places_of([source.file or Path() for source in sources], pictures, where, numbers, count)
+    if places is None and alone:
+        places = [(0, 0) for _ in sources]
+    return [similarity((float(x), float(y))) for x, y in places or ()]
+
+
+def _layer(source: _Source, picture: Picture, notes: _Notes) -> ts.Layer:
+    """Return a picture as a layer that has no place yet."""
+    return ts.Layer(
+        picture.pixels,
+        alpha=picture.alpha,
+        name=source.name,
+        data_range=1.0 if picture.pixels.dtype.kind == "f" else None,
+        exposure=exposure(notes),
     )
 
 

@@ -3,28 +3,132 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import click
 import numpy as np
 import numpy.typing as npt
-import scipy
 
 import toposeam as ts
 from toposeam.images import full_scale
-from toposeam.layers.canvas.largest_rectangle import largest_full
-from toposeam.layers.canvas.layer import Box, extent_of
+from toposeam.layers.canvas.canvas import extent_of
+from toposeam.layers.canvas.layer import Box
 from toposeam.layers.canvas.tile_map import all_of, any_of, blocks, cover_of, new_map
+from toposeam_cli.app.command import option
+from toposeam_cli.app.options import OUTPUT
 from toposeam_cli.figures.search import SUFFIXES as SEARCH_SUFFIXES
 from toposeam_cli.files.regular import real_path
-from toposeam_cli.files.writing import PICTURE_SUFFIXES, all_or_nothing, atomic_write, check_output
-from toposeam_cli.media.pictures.background import colour_of, on_background
+from toposeam_cli.files.writing import PICTURE_SUFFIXES, check_output
+from toposeam_cli.media.pictures.background import colour_of
 from toposeam_cli.media.pictures.deep_zoom import check_deep_zoom, write_deep_zoom
-from toposeam_cli.media.pictures.openraster import write_ora
-from toposeam_cli.media.pictures.picture import Keep, Picture, write_picture
-from toposeam_cli.stitching.inputs import PlacedPictures
+from toposeam_cli.media.pictures.picture import COMPRESSIONS, Keep, Picture, write_picture
+
+
+def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options that say what is written, and how."""
+    options = (
+        option(
+            "-o",
+            "--output",
+            heading="Output",
+            type=OUTPUT,
+            required=True,
+            help="The joined picture: .png, .tif, .jpg, .webp or .dzi; .ora keeps the layers.",
+        ),
+        option(
+            "--save-layout",
+            heading="Output",
+            type=OUTPUT,
+            help="Also write where the pictures lie, as a layout (.toml) to give instead, or for Hugin "
+            "(.pto).",
+        ),
+        option(
+            "--report",
+            heading="Output",
+            type=OUTPUT,
+            help="Also write a page (.html): the picture with its seams, before and after, what each "
+            "seam costs.",
+        ),
+        option(
+            "--skip-bad",
+            heading="Output",
+            is_flag=True,
+            help="Leave out pictures that cannot be read, and name them.",
+        ),
+        option(
+            "--seam",
+            heading="Output",
+            type=OUTPUT,
+            help="Also write the seams as SVG; edit them and give them back with --use-seam.",
+        ),
+        option(
+            "--crop",
+            heading="Output",
+            type=click.Choice(["inside", "outside"]),
+            help="The largest rectangle without holes, or all of it; inside for formats without "
+            "transparency.",
+        ),
+        option(
+            "--fill-edges",
+            heading="Output",
+            type=click.IntRange(1, 1000),
+            metavar="PX",
+            help="Crop to what lies within PX pixels of the pictures, and fill there what none of them "
+            "shows.",
+        ),
+        option(
+            "--background",
+            heading="Output",
+            metavar="COLOUR",
+            help="Fill holes with a colour, like white or #20304a.",
+        ),
+        option("--quality", heading="Output", type=click.IntRange(1, 100), help="Of .jpg; 95 by default."),
+        option(
+            "--compression",
+            heading="Output",
+            type=click.Choice(COMPRESSIONS),
+            help="Of .tif; deflate by default.",
+        ),
+        option(
+            "--pyramid",
+            heading="Output",
+            is_flag=True,
+            help="Write .tif in tiles and at every size; .dzi always is.",
+        ),
+        option(
+            "--labels",
+            heading="Output",
+            type=OUTPUT,
+            help="Also write who shows where: black for A, white for the last, grays between.",
+        ),
+        option(
+            "--overlay",
+            heading="Output",
+            type=OUTPUT,
+            help="Also write the joined picture with the seams drawn over it.",
+        ),
+        option(
+            "--history",
+            heading="Output",
+            type=OUTPUT,
+            help="For two pictures: find the seam by heat, and also write how it converged: a figure "
+            "(.png, .svg, "
+            ".pdf), or an animation (.gif, .webp).",
+        ),
+        option(
+            "--json",
+            "as_json",
+            heading="Output",
+            is_flag=True,
+            help="Print costs, optima, ratios, stages, iterations and seconds as JSON.",
+        ),
+    )
+    for each in reversed(options):
+        command = each(command)
+    return command
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,30 +168,6 @@ def numbered(out: Outputs, number: int) -> Outputs:
     return dataclasses.replace(out, **paths)
 
 
-def write(
-    out: Outputs,
-    job: PlacedPictures,
-    finished: ts.layers.Stitched,
-    documents: Sequence[tuple[Path, bytes]],
-    overlay: npt.NDArray[np.uint8] | None,
-) -> None:
-    """Write all outputs, or none."""
-    image, alpha = finished.image, finished.alpha
-    if out.background is not None and alpha is not None:
-        image, alpha = on_background(image, alpha, colour_of(out.background)), None
-    with all_or_nothing():
-        if out.output.suffix.lower() == ".ora":
-            write_ora(out.output, finished, job.pictures, job.layers, out.force)
-        else:
-            write_composite(out, dataclasses.replace(job.pictures[0], pixels=image, alpha=alpha))
-        for path, document in documents:
-            atomic_write(path, document, out.force)
-        if out.labels is not None:
-            write_picture(out.labels, Picture(pixels=_labels(finished)), out.force)
-        if out.overlay is not None and overlay is not None:
-            write_picture(out.overlay, Picture(pixels=overlay), out.force)
-
-
 def write_composite(out: Outputs, picture: Picture, keep: Keep | None = None) -> None:
     """Write the joined picture itself; what `keep` is, :func:`match_pictures` tells."""
     if out.output.suffix.lower() == ".dzi":
@@ -95,12 +175,6 @@ def write_composite(out: Outputs, picture: Picture, keep: Keep | None = None) ->
         return
     options: dict[str, Any] = {"quality": out.quality, "compression": out.compression, "pyramid": out.pyramid}
     write_picture(out.output, picture, out.force, keep=keep, **options)
-
-
-def _labels(stitched: ts.layers.Stitched) -> Any:
-    """(H, W) uint8: grays from black for the first layer to white for the last; black where there is none."""
-    grays = np.rint(np.linspace(0, 255, len(stitched.names))).astype(np.uint8)
-    return np.append(grays, np.uint8(0))[stitched.label_map]
 
 
 def check_outputs(out: Outputs) -> None:
@@ -141,10 +215,13 @@ def check_outputs(out: Outputs) -> None:
         colour_of(out.background)
 
 
-def crop_of(out: Outputs, layers: Sequence[ts.Layer]) -> str:
+def crop_of(out: Outputs, layers: Sequence[ts.Layer], *, goes_round: bool) -> str:
     """Return the crop of the picture; refuse, before any work is spent on it, one whose format cannot hold
     it.
     """
+    if goes_round:
+        keeps_holes = out.fill_edges is None and (out.has_alpha or out.background is not None)
+        return out.crop or ("outside" if keeps_holes else "inside")
     if out.fill_edges is not None:
         return "inside"
     if out.crop is not None and (out.has_alpha or out.crop == "inside" or out.background is not None):
@@ -171,8 +248,8 @@ def _opaque(layers: Sequence[ts.Layer]) -> npt.NDArray[np.bool_]:
     """(H, W) bool: where some layer is opaque."""
     canvas = extent_of(layers)
     opaque = new_map(canvas.shape, False, bool)
-    for layer in layers:
-        place, full, cover = canvas.place(layer), full_scale(layer.image.dtype), cover_of(layer)
+    for layer, place in zip(layers, canvas.places, strict=True):
+        full, cover = full_scale(layer.image.dtype), cover_of(layer)
         for box in blocks(Box(0, 0, *place.shape)):
             here = (
                 cover[box.slices]
@@ -182,33 +259,3 @@ def _opaque(layers: Sequence[ts.Layer]) -> npt.NDArray[np.bool_]:
             at = box.moved(*place[:2]).slices
             opaque[at] = opaque[at] | here
     return opaque
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Cropped:
-    """A composite as it is written."""
-
-    stitched: ts.layers.Stitched
-    #: Where it begins on the canvas, x and y; None where it is all of it.
-    at: tuple[int, int] | None = None
-    #: Share of its pixels that no picture showed.
-    filled: float = 0.0
-
-
-def cropped(stitched: ts.layers.Stitched, out: Outputs) -> Cropped:
-    """Return the largest rectangle without holes, or with those near a picture filled."""
-    if stitched.alpha is None:
-        return Cropped(stitched=stitched)
-    shown = stitched.alpha >= full_scale(stitched.image.dtype)
-    reached = shown
-    if out.fill_edges is not None and shown.any():
-        reached = scipy.ndimage.distance_transform_edt(~shown) <= out.fill_edges
-    box = largest_full(reached)
-    if box is None:
-        raise ts.ImageError(f"'{out.output}' cannot be cropped: no pixel is opaque; use .png or .tif")
-    image, holes = stitched.image[box.slices], ~shown[box.slices]
-    if holes.any():
-        white = full_scale(image.dtype) if image.dtype.kind == "f" else None
-        image = ts.fill(image, holes, data_range=white).image
-    part = dataclasses.replace(stitched, image=image, alpha=None, label_map=stitched.label_map[box.slices])
-    return Cropped(stitched=part, at=(box.left, box.top), filled=float(holes.mean()))

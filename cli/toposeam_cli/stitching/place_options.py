@@ -234,14 +234,13 @@ def with_defaults(
     if finding.kind is None:
         found = job.placement is not None and not finding.exact
         photographs = not all(map(is_move if found else _is_similarity, job.transforms))
-    tones, shading = find.match_tones, find.match_shading
+    tones, shading = find.of_stitch("match_tones"), find.of_stitch("match_shading")
     if tones is None and shading is None:
         shading = photographs
-    find = replace(
-        find,
+    find = find.with_stitch(
         match_tones=bool(tones),
         match_shading=bool(shading),
-        blend=find.blend or ("multiband" if photographs else "none"),
+        blend=find.of_stitch("blend") or ("multiband" if photographs else "none"),
     )
     if photographs and out.crop is None and out.background is None and out.output.suffix.lower() != ".ora":
         out = replace(out, crop="inside")

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 import toposeam as ts
-from toposeam.layers.canvas.layer import extent_of
+from toposeam.layers.canvas.canvas import extent_of
 from toposeam.layers.registration.placement import Residual
 from toposeam.sentence import counted
 from toposeam_cli.media.pictures.lens import equivalent_mm
@@ -74,13 +74,15 @@ def misfits(job: PlacedPictures, at: tuple[int, int] | None) -> list[str]:
     return sentences
 
 
-def found_of(job: PlacedPictures) -> dict[str, Any]:
-    """Summarise the places that were found, for ``--json``."""
+def placement_summary(job: PlacedPictures) -> dict[str, Any] | None:
+    """Summarise the places that were found, for ``--json``; None where they were given. What is not known of
+    a camera is None.
+    """
     placement = job.placement
     if placement is None:
-        return {}
+        return None
     names = [layer.name for layer in job.layers]
-    camera = {}
+    camera = dict.fromkeys(("focal_px", "focal_mm", "distortion", "projection", "wrap"))
     if placement.focal is not None:
         camera = {
             "focal_px": placement.focal,
@@ -90,14 +92,14 @@ def found_of(job: PlacedPictures) -> dict[str, Any]:
             "wrap": placement.wrap,
         }
     pairs = [
-        {"between": [names[i], names[j]], **_told(residual, placement.correlations[i, j])}
+        {"between": [names[i], names[j]], **_pair_summary(residual, placement.correlations[i, j])}
         for (i, j), residual in placement.residuals.items()
     ]
     found = {"model": placement.model, "misfit_px": placement.misfit, **camera, "pairs": pairs}
-    return {"placement": found | {"used": len(names), "left_out": list(placement.left_out.values())}}
+    return found | {"used": len(names), "left_out": list(placement.left_out.values())}
 
 
-def _told(residual: Residual, correlation: float) -> dict[str, Any]:
+def _pair_summary(residual: Residual, correlation: float) -> dict[str, Any]:
     return {
         "features": residual.features,
         "points": residual.points,

@@ -2,17 +2,75 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+
+import click
 
 import toposeam as ts
-from toposeam_cli.app.options import Length
+from toposeam_cli.app.command import option
+from toposeam_cli.app.options import Length, OffsetType, PairType
 from toposeam_cli.media.layouts.tiff_place import FARTHEST, tiff_canvas, tiff_place
 from toposeam_cli.media.pictures.picture import Picture
 
 #: How pictures of a grid follow each other.
 ORDERS = ("rows", "columns", "snake-rows", "snake-columns")
+
+
+def position_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options that say where pictures lie."""
+    options = (
+        option(
+            "--at",
+            heading="Place",
+            type=OffsetType(),
+            multiple=True,
+            help="Where a picture's upper left corner lies; once for each, in their order.",
+        ),
+        option(
+            "--grid",
+            heading="Place",
+            type=PairType(cells=True),
+            help="With --overlap: the pictures follow each other row by row in so many columns and rows.",
+        ),
+        option(
+            "--row", heading="Place", is_flag=True, help="With --overlap: the pictures continue to the right."
+        ),
+        option(
+            "--column", heading="Place", is_flag=True, help="With --overlap: the pictures continue downwards."
+        ),
+        option(
+            "--order",
+            heading="Place",
+            type=click.Choice(ORDERS),
+            help="With --grid: how the pictures follow each other; rows by default.",
+        ),
+        option(
+            "--align",
+            heading="Place",
+            is_flag=True,
+            help="Move the pictures from about where they belong to where they agree.",
+        ),
+        option(
+            "--align-radius",
+            heading="Place",
+            type=click.IntRange(min=1),
+            help="With --align: how many px they may be off; 32 by default.",
+        ),
+        option(
+            "--wrap",
+            heading="Place",
+            type=click.IntRange(min=0),
+            is_flag=False,
+            flag_value=0,
+            help="A panorama that goes all the way round: its width in px, or as Hugin's nona wrote it.",
+        ),
+    )
+    for each in reversed(options):
+        command = each(command)
+    return command
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,27 +1,26 @@
-"""Report of ``toposeam stitch`` on its result: for people on one line, for programs as JSON."""
+"""Report of ``toposeam stitch`` on its result: a line for people, JSON for programs, a page to look at.
+
+All are views of one summary (:meth:`toposeam.layers.Composition.summary`).
+"""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from typing import Any, TypeAlias
+from pathlib import Path
+from typing import Any
 
 import click
-import numpy as np
 from click.core import ParameterSource
 
 import toposeam as ts
+from toposeam.layers.execution.tasks import Executor
+from toposeam.seam.result.verdict import Verdict
 from toposeam.sentence import counted
+from toposeam_cli.stitching.inputs import PlacedPictures, saved_layout
 from toposeam_cli.stitching.outputs import Outputs
-from toposeam_cli.stitching.placement_report import best_correlation, describe_placement
-
-#: left, top, width and height of what is written of the canvas, px.
-Crop: TypeAlias = tuple[int, int, int, int]
-
-
-def crop_at(corner: tuple[int, int] | None, shape: tuple[int, ...]) -> Crop | None:
-    """Return the crop of that shape, (height, width, ...), at a corner; None where nothing was cropped."""
-    return None if corner is None else (*corner, shape[1], shape[0])
+from toposeam_cli.stitching.placement_report import best_correlation, describe_placement, placement_summary
+from toposeam_cli.stitching.rendering import Rendered
+from toposeam_cli.stitching.search_options import correlations
 
 
 def is_read(quiet: bool) -> bool:
@@ -31,23 +30,80 @@ def is_read(quiet: bool) -> bool:
     return not quiet or click.get_current_context().parent is None
 
 
-def told_of(
-    out: Outputs,
-    shape: tuple[int, ...],
-    seams: str,
-    at: tuple[int, int] | None,
-    whole: tuple[int, int],
-    layers: tuple[ts.Layer, ...],
-    placement: ts.layers.Placement | None,
+def summary_of_job(
+    rendered: Rendered, job: PlacedPictures, aligned: ts.layers.Aligned | None
+) -> dict[str, Any]:
+    """Summarise a result for ``--json``. Of pictures that wait in files the optima, which take longer than
+    the seams, are left out.
+    """
+    summary = rendered.composition.summary(optima=not job.stored)
+    for index, place in enumerate(summary["layers"]):
+        if aligned is not None:
+            place["moved"] = aligned.shifts[index].tolist()
+            place["correlation"] = best_correlation(aligned.correlations, index)
+        if job.placement is not None:
+            place["correlation"] = best_correlation(job.placement.correlations, index)
+            place["turn"] = float(job.placement.turns[index])
+            place["scale"] = float(job.placement.scales[index])
+    more = {"filled": rendered.filled, "left_out": list(job.skipped), "groups": []}
+    return summary | {"placement": placement_summary(job)} | more
+
+
+def line_of_job(
+    rendered: Rendered,
+    job: PlacedPictures,
     aligned: ts.layers.Aligned | None,
+    out: Outputs,
+    executor: Executor | None = None,
 ) -> str:
-    """Describe a result of a shape, cropped from a corner of a whole, for people."""
-    text = f"{out.output}: {shape[1]} × {shape[0]} px, {seams}"
-    if at is not None:
-        text += f", cropped to what has no holes, from {at[0]},{at[1]}"
-        text += f" ({100 * shape[0] * shape[1] / math.prod(whole):.0f} % of it)"
-        text += _kept_by(out) if shape[:2] != tuple(whole) else ""
-    return "\n".join([*describe_placement(layers, placement), *describe_alignment(layers, aligned), text])
+    """Describe a result for people: how its pictures were placed, then one line."""
+    composed = rendered.composition
+    height, width = composed.shape
+    text = f"{out.output}: {width} × {height} px, {_describe_seams(composed, executor)}"
+    if rendered.at is not None:
+        whole = composed.canvas.shape
+        text += f", cropped to what has no holes, from {rendered.at[0]},{rendered.at[1]}"
+        text += f" ({100 * height * width / (whole[0] * whole[1]):.0f} % of it)"
+        text += _kept_by(out) if composed.shape != whole else ""
+    if click.get_current_context().params.get("give"):
+        text += f", bent by up to {composed.bent:.1f} px" if composed.bent else ", bent nowhere"
+    if rendered.filled:
+        text += f", {100 * rendered.filled:.1f} % of its pixels filled"
+    placed = [*describe_placement(job.layers, job.placement), *_describe_alignment(job.layers, aligned)]
+    return "\n".join([*placed, text])
+
+
+def _describe_seams(composed: ts.layers.Composition, executor: Executor | None) -> str:
+    """Describe the seams of a composition, and whether they will be seen in what it shows."""
+    if not composed.pairs:
+        return f"{len(composed.names)} layers without a seam"
+    figures, solution = composed.figures(executor).values(), composed.solution
+    length, cost = round(sum(one.length for one in figures)), sum(one.cost for one in figures)
+    steps, end = "", ""
+    if len(composed.names) == 2:
+        (seam,) = composed.outlines
+        steps = f" in {counted(seam.iterations, 'iteration')}" if seam.iterations else ""
+        found = f"seam of {length} px by {solution.method}{steps}"
+        if seam.termination == ts.optimize.Termination.ITERATIONS:
+            end = "; the heat did not settle on a single line, so this is the best cut of what it left"
+    else:
+        found = (
+            f"{len(composed.names)} layers, {counted(len(composed.pairs), 'seam')} of {length} px in all by "
+            f"{solution.method}, {counted(solution.rounds, 'round')}"
+        )
+    view = composed.view
+    crop = None if view == composed.canvas.box else (view.left, view.top, view.shape[1], view.shape[0])
+    verdict = _worst_inside([one.verdict for one in figures], crop)
+    judged = "" if verdict is None else f": {verdict}"
+    return f"{found}, cost {cost:.4g}, {solution.seconds:.2f} s{judged}{end}"
+
+
+def _worst_inside(
+    verdicts: Sequence[Verdict | None], crop: tuple[int, int, int, int] | None
+) -> Verdict | None:
+    """Choose the worst of some verdicts about what a crop shows."""
+    known = [verdict.inside(crop) for verdict in verdicts if verdict is not None]
+    return min(known, key=lambda verdict: verdict.worst) if known else None
 
 
 def _kept_by(out: Outputs) -> str:
@@ -60,75 +116,7 @@ def _kept_by(out: Outputs) -> str:
     return f"; --crop outside{ground} keeps all"
 
 
-def summary_of_all(
-    stitched: ts.layers.Stitched,
-    layers: tuple[ts.Layer, ...],
-    aligned: ts.layers.Aligned | None,
-    placement: ts.layers.Placement | None = None,
-    crop: Crop | None = None,
-) -> dict[str, Any]:
-    """Summarise a result for ``--json``: the seam of two pictures, or layers and seams of more. Verdicts are
-    about what the crop shows.
-    """
-    places = {"layers": [_place(index, stitched, layers[index], aligned) for index in range(len(layers))]}
-    if placement is not None:
-        for index, place in enumerate(places["layers"]):
-            place["correlation"] = best_correlation(placement.correlations, index)
-            place["turn"], place["scale"] = float(placement.turns[index]), float(placement.scales[index])
-    if len(layers) == 2:
-        told = aligned is not None or placement is not None
-        seam = stitched.seams[0]
-        return seam.summary() | summary_inside([seam.verdict], crop) | (places if told else {})
-    seams = [
-        {
-            "between": [layers[i].name, layers[j].name],
-            **seam.summary(),
-            **summary_inside([seam.verdict], crop),
-        }
-        for (i, j), seam in zip(stitched.pairs, stitched.seams, strict=True)
-    ]
-    likeness = summary_inside([seam.verdict for seam in stitched.seams], crop)
-    return {"cost": stitched.cost, "rounds": stitched.rounds, **likeness, **places, "seams": seams}
-
-
-def summary_inside(verdicts: Sequence[ts.seam.Verdict | None], crop: Crop | None) -> dict[str, Any]:
-    """Summarise the worst of some verdicts about what a crop shows; nothing where there are none."""
-    verdict = worst_inside(verdicts, crop)
-    return {} if verdict is None else verdict.summary()
-
-
-def worst_inside(verdicts: Sequence[ts.seam.Verdict | None], crop: Crop | None) -> ts.seam.Verdict | None:
-    """Choose the worst of some verdicts about what a crop shows."""
-    known = [verdict.inside(crop) for verdict in verdicts if verdict is not None]
-    return min(known, key=lambda verdict: verdict.worst) if known else None
-
-
-def _place(
-    index: int, stitched: ts.layers.Stitched, layer: ts.Layer, aligned: ts.layers.Aligned | None
-) -> dict[str, Any]:
-    place: dict[str, Any] = {
-        "name": layer.name,
-        "at": list(layer.at),
-        "shown_px": int(np.count_nonzero(stitched.label_map == index)),
-    }
-    if aligned is not None:
-        place["moved"] = aligned.shifts[index].tolist()
-        place["correlation"] = best_correlation(aligned.correlations, index)
-    return place
-
-
-def hidden(composed: ts.layers.Composition, remedy: str) -> list[str]:
-    """Return a sentence about the pictures that show nowhere, where there are any, and what lets them
-    show.
-    """
-    names = [composed.names[index] for index in composed.hidden]
-    if not names:
-        return []
-    do, them = ("does", "it") if len(names) == 1 else ("do", "them")
-    return [f"{', '.join(names)} {do} not show, as others cover {them} and join better without; {remedy}"]
-
-
-def describe_alignment(layers: tuple[ts.Layer, ...], aligned: ts.layers.Aligned | None) -> list[str]:
+def _describe_alignment(layers: tuple[ts.Layer, ...], aligned: ts.layers.Aligned | None) -> list[str]:
     """Return one line per layer that was moved."""
     if aligned is None:
         return []
@@ -142,14 +130,36 @@ def describe_alignment(layers: tuple[ts.Layer, ...], aligned: ts.layers.Aligned 
     return lines
 
 
-def describe(seam: ts.seam.Seam, crop: Crop | None = None) -> str:
-    """Return one line about the seam of two layers for people, of a picture that may be cropped."""
-    effort = f" in {counted(len(seam.history), 'iteration')}" if seam.history else ""
-    verdict = worst_inside([seam.verdict], crop)
-    text = (
-        f"seam of {round(seam.length)} px by {seam.method}{effort}, cost {seam.cost:.4g}, "
-        f"{seam.seconds:.2f} s{'' if verdict is None else f': {verdict}'}"
-    )
-    if seam.termination == ts.optimize.Termination.ITERATIONS:
-        text += "; the heat did not settle on a single line, so this is the best cut of what it left"
-    return text
+def hidden(composed: ts.layers.Composition, remedy: str) -> list[str]:
+    """Return a sentence about the pictures that show nowhere, where there are any, and what lets them
+    show.
+    """
+    names = [composed.names[index] for index in composed.hidden]
+    if not names:
+        return []
+    do, them = ("does", "it") if len(names) == 1 else ("do", "them")
+    return [f"{', '.join(names)} {do} not show, as others cover {them} and join better without; {remedy}"]
+
+
+def documents_of(
+    rendered: Rendered, job: PlacedPictures, out: Outputs, executor: Executor | None
+) -> list[tuple[Path, bytes]]:
+    """Return the documents that belong to a result, with their files: seams, how one was found, places, and a
+    page.
+    """
+    composed, documents = rendered.composition, list[tuple[Path, bytes]]()
+    if out.seam is not None:
+        one = composed.seams[0] if len(job.layers) == 2 and not job.stored else composed
+        documents.append((out.seam, one.to_svg().encode()))
+    if out.history is not None:
+        from toposeam_cli.figures.search import draw_search
+
+        documents.append((out.history, draw_search(composed.seams[0], out.history.suffix)))
+    if out.save_layout is not None:
+        documents.append((out.save_layout, saved_layout(job, out.save_layout).encode()))
+    if out.report is not None:
+        from toposeam_cli.stitching.seam_page import seam_page
+
+        page = seam_page(out.output.name, job.layers, rendered, correlations(job, executor))
+        documents.append((out.report, page.encode(errors="backslashreplace")))
+    return documents

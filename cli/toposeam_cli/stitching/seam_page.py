@@ -6,10 +6,9 @@ import base64
 import io
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from html import escape
 from importlib.resources import files
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +16,7 @@ import numpy.typing as npt
 import toposeam as ts
 from toposeam.images import full_scale
 from toposeam.sentence import counted
+from toposeam_cli.stitching.rendering import Rendered
 
 #: The pictures in the page are reduced to this many px a side.
 _LARGEST = 1600
@@ -24,53 +24,32 @@ _LARGEST = 1600
 Pair = tuple[int, int]
 
 
-class Drawn(Protocol):
-    """A seam, or its outline."""
+def seam_page(
+    title: str, layers: Sequence[ts.Layer], rendered: Rendered, correlations: Mapping[Pair, float]
+) -> str:
+    """Return the page of a result.
 
-    @property
-    def paths(self) -> Sequence[ts.vector.Polyline]:
-        """Its lines."""
-
-    @property
-    def cost(self) -> float:
-        """Its match cost."""
-
-    @property
-    def length(self) -> float:
-        """Of all its lines, px."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Joined:
-    """Contents of a page."""
-
-    title: str
-    layers: Sequence[ts.Layer]
-    #: (x, y) of the canvas's upper left pixel in the layers' coordinates.
-    origin: tuple[int, int]
-    #: Arrays, or what reads like them.
-    image: Any
-    alpha: Any
-    seams: Sequence[tuple[Pair, Drawn]]
-    #: Pixels that each layer shows.
-    shown: Sequence[int]
-    correlations: Mapping[Pair, float]
-    #: (x, y) of the picture's upper left pixel on the canvas, where it was cropped.
-    corner: tuple[int, int] = (0, 0)
-
-
-def seam_page(joined: Joined) -> str:
-    """Return the page."""
-    height, width = joined.image.shape[:2]
+    Parameters
+    ----------
+    title : str
+    layers : sequence of Layer
+        The pictures before their tones were matched.
+    rendered : Rendered
+    correlations : mapping of (int, int) to float
+        Of each two pictures that overlap.
+    """
+    composed, picture = rendered.composition, rendered.picture
+    height, width = composed.shape
     step = max(1, -(-max(height, width) // _LARGEST))
     every = slice(0, None, step)
-    after = _bytes(joined.image[every, every])
-    opaque = None if joined.alpha is None else _bytes(joined.alpha[every, every])
-    before, seen = _laid(joined, step)
-    names = [layer.name for layer in joined.layers]
+    after = _bytes(picture.pixels[every, every])
+    opaque = None if picture.alpha is None else _bytes(picture.alpha[every, every])
+    before, seen = _laid(layers, composed, step)
+    names = [layer.name for layer in layers]
     rows, paths = [], []
-    for number, ((i, j), seam) in enumerate(joined.seams):
-        correlation = joined.correlations.get((i, j))
+    for number, seam in enumerate(composed.outlines):
+        i, j = seam.pair
+        correlation = correlations.get((i, j))
         cells = [
             f"{names[i]} : {names[j]}",
             f"{seam.cost:.4g}",
@@ -81,21 +60,21 @@ def seam_page(joined: Joined) -> str:
         rows.append(_row(cells, f' data-seam="{number}"'))
         lines = " ".join(_path(line) for line in seam.paths)
         paths.append(f'<path data-seam="{number}" d="{lines}"><title>{escape(cells[0])}</title></path>')
-    total = max(sum(joined.shown), 1)
-    shares = [f"{shown / total:.1%}" if shown else "nowhere" for shown in joined.shown]
+    shown = composed.shown
+    total = max(sum(shown), 1)
+    shares = [f"{count / total:.1%}" if count else "nowhere" for count in shown]
     pile = [
         _row([name, f"{index}", f"{layer.at[0]},{layer.at[1]}", share], "")
-        for index, (name, layer, share) in enumerate(zip(names, joined.layers, shares, strict=True))
+        for index, (name, layer, share) in enumerate(zip(names, layers, shares, strict=True))
     ]
-    cost = sum(seam.cost for _, seam in joined.seams)
     places = {
-        "title": escape(joined.title),
-        "summary": f"{len(names)} pictures, {counted(len(rows), 'seam')} of cost {cost:.4g}, {width} × "
-        f"{height} px.",
+        "title": escape(title),
+        "summary": f"{len(names)} pictures, {counted(len(rows), 'seam')} of cost {composed.cost:.4g}, "
+        f"{width} × {height} px.",
         "before": _data(before, seen),
         "after": _data(after, opaque),
-        "left": str(joined.corner[0]),
-        "top": str(joined.corner[1]),
+        "left": str(composed.view.left),
+        "top": str(composed.view.top),
         "width": str(width),
         "height": str(height),
         "paths": "\n".join(paths),
@@ -106,12 +85,14 @@ def seam_page(joined: Joined) -> str:
     return re.sub(r"\{\{(\w+)\}\}", lambda place: places[place[1]], page)
 
 
-def _laid(joined: Joined, step: int) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
+def _laid(
+    layers: Sequence[ts.Layer], composed: ts.layers.Composition, step: int
+) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
     """Return the layers on each other, later ones on top, and where there is any."""
-    height, width = (-(-side // step) for side in joined.image.shape[:2])
+    height, width = (-(-side // step) for side in composed.shape)
     image, alpha = np.zeros((height, width, 3), np.uint8), np.zeros((height, width), np.uint8)
-    for layer in joined.layers:
-        left, top = (layer.at[axis] - joined.origin[axis] - joined.corner[axis] for axis in (0, 1))
+    for layer in layers:
+        left, top = (layer.at[axis] - composed.origin[axis] for axis in (0, 1))
         first = max(-(-top // step), 0), max(-(-left // step), 0)
         key = tuple(
             slice(number * step - start, None, step) for number, start in zip(first, (top, left), strict=True)

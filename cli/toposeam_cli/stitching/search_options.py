@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import click
 
 import toposeam as ts
+from toposeam.layers.composite.local_warp import MOST
 from toposeam.layers.execution.tasks import Executor
 from toposeam.layers.search.options import Effort
 from toposeam_cli.app.command import option
-from toposeam_cli.app.options import Keyed
+from toposeam_cli.app.options import FiniteRange, Keyed, KeyedFile
 from toposeam_cli.figures.search import check_search
 from toposeam_cli.files.scratch import Scratch, scratch
 from toposeam_cli.jobs.crew import crew
@@ -25,8 +26,101 @@ from toposeam_cli.stitching.outputs import Outputs
 _STRANGE = 0.1
 #: So many pairs of pictures are named in warnings of one kind.
 _SHOWN = 3
-#: Fields of :class:`SeamOptions` that :class:`toposeam.layers.StitchOptions` has not, or has as pixels.
-_NO_KEYWORDS = {"align", "align_radius", "avoid", "formulation", "law", "plain", "use_seam"}
+
+
+def seam_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options that say how seams are found, and what happens across them."""
+    options = (
+        option(
+            "--mask-for",
+            "masks",
+            heading="Seam",
+            type=KeyedFile(needed=True),
+            multiple=True,
+            help="Picture (number from 0, or name) = where it may show: white.",
+        ),
+        option(
+            "--keep",
+            "keeps",
+            heading="Seam",
+            metavar="N=FILE",
+            type=KeyedFile(needed=True),
+            multiple=True,
+            help="Where nothing but picture N may show: white.",
+        ),
+        option(
+            "--use-seam",
+            heading="Seam",
+            metavar="[N:M=]FILE",
+            type=KeyedFile(needed=False),
+            multiple=True,
+            help="Join along the paths of this SVG instead of searching; 0:1=FILE for one pair of many.",
+        ),
+        option(
+            "--method",
+            heading="Seam",
+            type=click.Choice(ts.seam.METHODS),
+            default="auto",
+            show_default=True,
+            help="How seams are found; auto takes the exact solver that is fastest.",
+        ),
+        option(
+            "--effort",
+            heading="Seam",
+            type=click.Choice(get_args(Effort)),
+            help="Of the search for more than two pictures: fast by default up to 12, from there on "
+            "best, which "
+            "takes 2 to 4 times as long.",
+        ),
+        option(
+            "--formulation",
+            heading="Seam",
+            type=click.IntRange(1, 2),
+            help="With --method thesis: 1 (default), or 2 (unstable, see the docs).",
+        ),
+        option(
+            "--plain",
+            heading="Seam",
+            is_flag=True,
+            help="With --method thesis: its algorithms as they are written, without ours.",
+        ),
+        option(
+            "--match-tones/--no-match-tones",
+            heading="Tones and blend",
+            default=None,
+            help="First take exposure steps out: one gain per picture and channel.",
+        ),
+        option(
+            "--match-shading/--no-match-shading",
+            heading="Tones and blend",
+            default=None,
+            help="The same, and that lenses darken towards the corners: a smooth gain field per picture.",
+        ),
+        option(
+            "--blend",
+            heading="Tones and blend",
+            type=click.Choice(ts.layers.BLENDS),
+            help="What happens across the seams; multiband for photographs, else none.",
+        ),
+        option(
+            "--blend-width",
+            heading="Tones and blend",
+            type=FiniteRange(min=0, min_open=True),
+            help="With --blend feather, multiband, gradient: over how many px.",
+        ),
+        option(
+            "--give",
+            heading="Seam",
+            type=click.IntRange(1, MOST),
+            metavar="PX",
+            help="Bend the pictures by up to PX pixels until what crosses a seam goes on behind it; for "
+            "what stood "
+            "near the camera.",
+        ),
+    )
+    for each in reversed(options):
+        command = each(command)
+    return command
 
 
 def shared_work(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -78,41 +172,44 @@ def means_of(folder: Path, files: Sequence[Path], processes: int, dask: str | No
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SeamOptions:
-    """Options of the seam search, and of blending across seams; those that
-    :class:`toposeam.layers.StitchOptions` has, too, mean the same there.
-    """
+    """Options of the seam search, and of blending across seams."""
 
+    #: The picture whose white no seam may touch.
     avoid: Path | None
     law: ts.typing.Law | None
-    core: float | None
-    speck: int | None
-    max_megapixels: float
+    #: Whether pictures are moved to where they agree, and by how many px at most; None for the usual radius.
     align: bool
     align_radius: int | None
-    method: ts.typing.Method
-    effort: Effort | None
+    #: Of the thesis's method: which one, and whether without our additions.
     formulation: int | None
     plain: bool
-    #: None where nothing is given.
-    match_tones: bool | None
-    match_shading: bool | None
-    blend: ts.typing.Blend | None
-    blend_width: float | None
+    #: Seams that are given.
     use_seam: tuple[Keyed, ...]
-    wrap: int | None
-    give: int | None
+    #: Those given that :class:`toposeam.layers.StitchOptions` has, too.
+    stitch: Mapping[str, Any]
 
-    @property
-    def keywords(self) -> dict[str, Any]:
-        """Those given that :class:`toposeam.layers.StitchOptions` has, too."""
-        names = {field.name for field in fields(self)} - _NO_KEYWORDS
-        return {name: value for name in names if (value := getattr(self, name)) is not None}
+    @classmethod
+    def taken(cls, given: dict[str, Any]) -> SeamOptions:
+        """Take the options out of those of a command."""
+        own = {field.name: given.pop(field.name) for field in fields(cls) if field.name != "stitch"}
+        names = [field.name for field in fields(ts.layers.StitchOptions) if field.name in given]
+        chosen = {name: value for name in names if (value := given.pop(name)) is not None}
+        return cls(**own, stitch=chosen)
+
+    def of_stitch(self, name: str) -> Any:
+        """Return an option of :class:`toposeam.layers.StitchOptions` as given; None where it is not."""
+        return self.stitch.get(name)
+
+    def with_stitch(self, **options: Any) -> SeamOptions:
+        """Return the options with other ones of :class:`toposeam.layers.StitchOptions`."""
+        return replace(self, stitch={**self.stitch, **options})
 
 
 def by_windows(out: Outputs, find: SeamOptions) -> bool:
     """Test whether the result can be made window by window."""
-    whole = out.history is not None or out.fill_edges is not None or find.give is not None
-    return out.output.suffix.lower() != ".ora" and find.blend != "gradient" and not whole
+    whole = out.history is not None or out.fill_edges is not None or find.of_stitch("give") is not None
+    blending = ts.layers.StitchOptions(blend=find.of_stitch("blend") or "none").blending
+    return out.output.suffix.lower() != ".ora" and not blending.needs_whole and not whole
 
 
 def check_finding(find: SeamOptions, out: Outputs, dask: str | None) -> None:
@@ -127,11 +224,11 @@ def check_finding(find: SeamOptions, out: Outputs, dask: str | None) -> None:
             "--dask makes pictures window by window, which .ora, --blend gradient, --fill-edges, --give and "
             "--history do not; leave one of them out"
         )
-    if find.give is not None and out.output.suffix.lower() == ".ora":
+    if find.of_stitch("give") is not None and out.output.suffix.lower() == ".ora":
         raise ts.OptionError(
             "--give bends pictures, and an .ora file keeps them as they are; leave one of them out"
         )
-    iterates = not find.use_seam and find.method in ("auto", "heat", "thesis")
+    iterates = not find.use_seam and find.of_stitch("method") in ("auto", "heat", "thesis")
     if out.history is not None:
         if not iterates:
             raise ts.OptionError(
@@ -140,7 +237,7 @@ def check_finding(find: SeamOptions, out: Outputs, dask: str | None) -> None:
             )
         check_search(out.history.suffix)
     for name, given in (("--formulation", find.formulation is not None), ("--plain", find.plain)):
-        if given and (find.method != "thesis" or find.use_seam):
+        if given and (find.of_stitch("method") != "thesis" or find.use_seam):
             raise ts.OptionError(f"{name} belongs to --method thesis; add that or leave it out")
     if find.align_radius is not None and not find.align:
         raise ts.OptionError("--align-radius belongs to --align; add that or leave it out")

@@ -1,30 +1,37 @@
 from .blending.blend import BLENDS
-from .canvas.layer import common_canvas
+from .canvas.canvas import Canvas, common_canvas
 from .canvas.resampling import placed
 from .canvas.side_by_side import overlapping
-from .composite.compose import compose
 from .composite.composition import Composition
 from .composite.options import StitchOptions
 from .composite.restitch import restitch
-from .composite.stitch import Stitched, pair_name
+from .composite.sinks import ArraySink, Sink
+from .composite.summary import pair_name
 from .exposure.gains import match_tones
+from .labelling.label_map import LabelMap
+from .labelling.problem import Labelling
 from .registration.align import Aligned, align, correlations
 from .registration.placement import Placement
+from .search.multilevel import recut
 
 __all__ = [
     "BLENDS",
     "Aligned",
+    "ArraySink",
+    "Canvas",
     "Composition",
+    "LabelMap",
+    "Labelling",
     "Placement",
+    "Sink",
     "StitchOptions",
-    "Stitched",
     "align",
     "common_canvas",
-    "compose",
     "correlations",
     "match_tones",
     "overlapping",
     "pair_name",
     "placed",
+    "recut",
     "restitch",
 ]

@@ -244,7 +244,7 @@ def _layer(
 
 def write_ora(
     path: Path,
-    stitched: ts.layers.Stitched,
+    stitched: ts.layers.Composition,
     originals: Sequence[Picture],
     layers: Sequence[ts.Layer],
     force: bool = False,
@@ -258,7 +258,7 @@ def write_ora(
     Parameters
     ----------
     path : Path
-    stitched : Stitched
+    stitched : Composition
     originals : sequence of Picture
         The layers' pictures, of one depth and profile; floats are rounded to 16 bits.
     layers : sequence of Layer
@@ -322,7 +322,7 @@ def write_ora(
 
 
 def _shown(
-    picture: Picture, stitched: ts.layers.Stitched, mask: np.ndarray, place: tuple[slice, slice]
+    picture: Picture, stitched: ts.layers.Composition, mask: np.ndarray, place: tuple[slice, slice]
 ) -> Picture:
     """Return a picture that is opaque only where it shows, with the composite's pixels there."""
     shows = mask[place]

@@ -1,11 +1,11 @@
-from .blend import BLENDS, Blend, Blender, Fading, Placed, check_blend, reach_of
+from .blend import BLENDS, Blender, blending_of
+from .mixing import Blend, Blending, Fading
 
 __all__ = [
     "BLENDS",
     "Blend",
     "Blender",
+    "Blending",
     "Fading",
-    "Placed",
-    "check_blend",
-    "reach_of",
+    "blending_of",
 ]

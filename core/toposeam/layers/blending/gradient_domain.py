@@ -24,15 +24,41 @@ import numpy.typing as npt
 
 from toposeam.arrays import Floats, Image, Labels, Mask
 from toposeam.heat.poisson import add_steps, spread, spread_within
-from toposeam.images import box_of
+from toposeam.images import box_of, in_dtype
+from toposeam.layers.blending.mixing import Blending
+from toposeam.layers.canvas.canvas import Canvas
 from toposeam.layers.canvas.layer import Box, Layer
 from toposeam.layers.canvas.tile_map import dense
 
 
+class GradientDomain(Blending):
+    """The step between the layers is spread over the picture, or over the width."""
+
+    name = "gradient"
+    takes_width = True
+    needs_whole = True
+    #: What differs evenly over this many px is taken away.
+    _REACH = 8.0
+
+    @property
+    def reach(self) -> float:
+        """Over how many px what differs evenly is taken away."""
+        return self._REACH
+
+    def spread(self, canvas: Canvas, labels: Labels, image: Image, *, goes_round: bool) -> None:
+        """Blend a whole composite in place."""
+        labels = dense(labels)
+        ground = labels >= 0
+        planes = [image] if image.ndim == 2 else [image[..., channel] for channel in range(image.shape[2])]
+        inner = lying_inside(canvas.covers, canvas.places)
+        for channel, plane in enumerate(planes):
+            values = correction(canvas, labels, channel, self.width, goes_round, inner)
+            values += plane
+            np.copyto(plane, in_dtype(values, plane.dtype), where=ground)
+
+
 def correction(
-    layers: Sequence[Layer],
-    places: Sequence[Box],
-    covered: Sequence[Mask],
+    canvas: Canvas,
     label_map: Labels,
     channel: int,
     width: float | None,
@@ -43,10 +69,7 @@ def correction(
 
     Parameters
     ----------
-    layers, places
-        The layers, and where they lie on the canvas.
-    covered : sequence of (h, w) bool arrays
-        Where each has pixels.
+    canvas : Canvas
     label_map : (H, W) int16 array
         The layer that shows at each pixel.
     channel : int
@@ -57,7 +80,7 @@ def correction(
     inner : (n,) bool array, optional
         Which layers lie inside another one, if it is known (:func:`lying_inside`).
     """
-    columns = label_map.shape[1]
+    columns, covered, places = label_map.shape[1], canvas.covers, canvas.places
     source, onto = np.zeros((2, *label_map.shape))
     flat = label_map.ravel()
     inner = lying_inside(covered, places) if inner is None else inner
@@ -72,7 +95,7 @@ def correction(
         for i, j in {(int(a), int(b)) for a, b in zip(flat[p], flat[q], strict=True)}:
             mine = (flat[p] == i) & (flat[q] == j)
             at_p, at_q = p[mine], q[mine]
-            first, second = ((layers[k], places[k], covered[k], channel, columns) for k in (i, j))
+            first, second = ((canvas.layers[k], places[k], covered[k], channel, columns) for k in (i, j))
             (i_p, has_i_p), (i_q, has_i_q) = _values(*first, at_p), _values(*first, at_q)
             (j_p, has_j_p), (j_q, has_j_q) = _values(*second, at_p), _values(*second, at_q)
             both_p, both_q = has_i_p & has_j_p, has_i_q & has_j_q

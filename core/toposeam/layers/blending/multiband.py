@@ -21,7 +21,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from toposeam.arrays import Floats32, Mask
+from toposeam.arrays import Floats32, Labels, Mask
+from toposeam.layers.blending.mixing import SETTLED, Blending, Fading, Mix, channels_of, planes_of
+from toposeam.layers.canvas.canvas import Canvas
 from toposeam.layers.canvas.layer import Box
 from toposeam.seam.problem.pyramid import expand, expand_part, gaussian, in_runs, reduce
 
@@ -31,6 +33,71 @@ _MADE_UP, _LEAST = np.float32(1e-3), np.float32(1e-9)
 _KNOWN = np.float32(1e-3)
 #: So far from what is known, px, a reduced pixel may know something of it.
 _AROUND = 2
+
+
+class Multiband(Blending):
+    """Coarse shades fade over the width, fine detail over few px."""
+
+    name = "multiband"
+    takes_width = True
+    usual_width = 32.0
+
+    @property
+    def _levels(self) -> int:
+        return max(1, round(math.log2(self.width or 1.0)))
+
+    @property
+    def reach(self) -> float:
+        """The width, px."""
+        return self.width or 0.0
+
+    @property
+    def grid(self) -> int:
+        """Side of the coarsest pixels, px."""
+        return int(2**self._levels)
+
+    @property
+    def changes_within(self) -> int:
+        """Four of the coarsest pixels, in px."""
+        return 4 * self.grid
+
+    def mixer(self, canvas: Canvas, labels: Labels, fadings: Sequence[Fading]) -> Mix:
+        """Mix band by band."""
+
+        def mix(box: Box, shows: Labels, index: list[int]) -> tuple[Floats32, None, Mask]:
+            return _mixed_bands(canvas, self._levels, box, shows, index)
+
+        return mix
+
+
+def _mixed_bands(
+    canvas: Canvas, levels: int, box: Box, shows: Labels, index: list[int]
+) -> tuple[Floats32, None, Mask]:
+    """Mix the layers of a box band by band."""
+    channels = channels_of(canvas)
+    mixed = np.zeros((channels, *box.shape), np.float32)
+    found = []
+    for k in index:
+        common = canvas.places[k].shared(box)
+        # Pairs of pixels become one: the box's edges are even.
+        part = Box(*(edge // 2 * 2 for edge in common[:2]), *(-(-edge // 2) * 2 for edge in common[2:]))
+        here = part.within(box)
+        own = shows[here] == k
+        if not own.any():
+            continue
+        planes, present = planes_of(canvas, k, part, channels)
+        np.copyto(mixed[:, *here], planes, where=own)
+        found.append((part, here, own, planes, present & (shows[here] >= 0)))
+    pieces = []
+    for part, here, own, planes, known in found:
+        planes -= mixed[:, *here]
+        if not known.all():
+            planes *= known
+        pieces.append(
+            Contribution(box=part.moved(-box.top, -box.left), difference=planes, known=known, shows=own)
+        )
+    changed = Mixture(pieces, box.shape, levels, SETTLED).onto(mixed)
+    return np.moveaxis(mixed, 0, 2), None, changed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

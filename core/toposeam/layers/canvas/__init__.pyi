@@ -1,7 +1,8 @@
 from .border_bands import full_within, rim, rimmed
-from .connected_components import pieces_of
+from .canvas import Canvas, common_canvas, extent_of
+from .cylinder import Turned, narrowed, turned_map
 from .largest_rectangle import largest_full
-from .layer import MAX_MEGAPIXELS, Box, Extent, Layer, as_layers, check_layers, common_canvas, cut, extent_of
+from .layer import MAX_MEGAPIXELS, Box, Layer, as_layers, check_layers, cut
 from .painting import channel_count, paint
 from .resampling import placed
 from .side_by_side import overlapping
@@ -50,12 +51,13 @@ __all__ = [
     "TILE",
     "Box",
     "CameraTransform",
-    "Extent",
+    "Canvas",
     "Layer",
     "PlaneTransform",
     "Projection",
     "TileMap",
     "Transform",
+    "Turned",
     "all_of",
     "any_of",
     "as_layers",
@@ -78,13 +80,13 @@ __all__ = [
     "is_move",
     "largest_full",
     "made_map",
+    "narrowed",
     "new_map",
     "occupied_columns",
     "on_canvas",
     "overlapping",
     "paint",
     "part_of",
-    "pieces_of",
     "placed",
     "reach",
     "resampled",
@@ -92,6 +94,7 @@ __all__ = [
     "rimmed",
     "several",
     "similarity",
+    "turned_map",
     "undistorted",
     "uniform",
     "warped",

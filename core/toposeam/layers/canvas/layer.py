@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.arrays import Image, Mask
-from toposeam.checks import check_items, check_kind, check_number, check_pair
+from toposeam.checks import check_kind, check_number, check_pair
 from toposeam.errors import ImageError, OptionError, Term
 from toposeam.images import MAX_PIXELS, Windows, as_array, as_mask, full_scale
 
@@ -225,26 +225,6 @@ def cut(array: npt.NDArray[Any], at: Box, box: Box, fill: int = 0) -> npt.NDArra
     return result
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Extent:
-    """The smallest rectangle that holds every layer: the canvas."""
-
-    #: (x, y) of its upper left pixel in the layers' coordinates.
-    origin: tuple[int, int]
-    #: Height and width in px.
-    shape: tuple[int, int]
-
-    @property
-    def box(self) -> Box:
-        """The canvas itself."""
-        return Box(0, 0, *self.shape)
-
-    def place(self, layer: Layer) -> Box:
-        """The part of the canvas that the layer fills."""
-        x, y = layer.at[0] - self.origin[0], layer.at[1] - self.origin[1]
-        return Box(y, x, y + layer.image.shape[0], x + layer.image.shape[1])
-
-
 def check_layers(layers: Sequence[Layer]) -> Sequence[Layer]:
     """At least two placed layers.
 
@@ -268,54 +248,3 @@ def check_layers(layers: Sequence[Layer]) -> Sequence[Layer]:
             "{count} layer was given; pass a list of at least two", kind="few layers", count=len(given)
         )
     return given
-
-
-def common_canvas(layers: Sequence[Layer], *, max_megapixels: float = MAX_MEGAPIXELS) -> Extent:
-    """The canvas of some layers.
-
-    Raises
-    ------
-    OptionError
-        When it would hold more than `max_megapixels` million pixels.
-
-    Examples
-    --------
-    >>> common_canvas([Layer(np.zeros((20, 30))), Layer(np.zeros((20, 30)), at=(25, -2))])
-    Extent(origin=(0, -2), shape=(22, 55))
-    """
-    check_number("max_megapixels", max_megapixels, 0, above=True)
-    layers = check_items("layers", layers, Layer, "a sequence of Layers")
-    if not layers:
-        raise OptionError(
-            "there are no layers; give at least one", kind="count", parameter=Term("layers"), count=0
-        )
-    extent = extent_of(layers)
-    height, width = extent.shape
-    if height * width > max_megapixels * 1e6:
-        raise OptionError(
-            "the layers span {width} × {height} px, more than {most:g} megapixels; "
-            "check where they lie{alone}",
-            kind="too large",
-            width=width,
-            height=height,
-            most=max_megapixels,
-            alone=_alone(layers, max_megapixels * 1e6),
-        )
-    return extent
-
-
-def _alone(layers: Sequence[Layer], pixels: float) -> str:
-    """Which of many layers it is without which the canvas would hold no more than so many pixels, if any."""
-    for index, layer in enumerate(layers if len(layers) > 2 else ()):
-        height, width = extent_of([*layers[:index], *layers[index + 1 :]]).shape
-        if height * width <= pixels:
-            return f", {layer.name} first of all"
-    return ""
-
-
-def extent_of(layers: Sequence[Layer]) -> Extent:
-    """The canvas of some layers, however large."""
-    left, top = (min(layer.at[axis] for layer in layers) for axis in (0, 1))
-    right = max(layer.at[0] + layer.image.shape[1] for layer in layers)
-    bottom = max(layer.at[1] + layer.image.shape[0] for layer in layers)
-    return Extent(origin=(left, top), shape=(bottom - top, right - left))

@@ -58,6 +58,12 @@ class TileMap:
         """Of what is kept."""
         return self._values.nbytes + sum(tile.nbytes for tile in self._tiles.values())
 
+    def copy(self) -> TileMap:
+        """The same values, to be changed apart."""
+        result = TileMap(self.shape, 0, self.dtype)
+        result._values, result._tiles = self._values.copy(), dict(self._tiles)
+        return result
+
     def part(self, *boxes: Box) -> TileMap:
         """The same in some boxes; zero elsewhere."""
         result = TileMap(self.shape, 0, self.dtype)

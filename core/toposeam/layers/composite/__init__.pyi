@@ -1,17 +1,21 @@
-from .compose import shown_as
-from .composition import Composition, Outline
+from .composition import Composition
 from .local_warp import MOST
 from .options import StitchOptions
-from .stitch import Stitched, pair_name, seams_svg, stitched
+from .restitch import restitch
+from .sinks import ArraySink, Sink
+from .stitch import composed_of_masks, stitch
+from .summary import SeamOutline, pair_name, seams_svg
 
 __all__ = [
     "MOST",
+    "ArraySink",
     "Composition",
-    "Outline",
+    "SeamOutline",
+    "Sink",
     "StitchOptions",
-    "Stitched",
+    "composed_of_masks",
     "pair_name",
+    "restitch",
     "seams_svg",
-    "shown_as",
-    "stitched",
+    "stitch",
 ]

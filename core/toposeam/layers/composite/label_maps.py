@@ -1,74 +1,45 @@
 """Which of placed layers shows where: of two by one seam, of more by rounds of expansions, or as masks say.
 
-Two layers are left to the engines of :mod:`toposeam.seam`, whose seams cost less than those of rounds.
+Two layers are left to the engines of :mod:`toposeam.seam`, whose seams are the best there are.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.arrays import Labels
-from toposeam.errors import ImageError, Term
+from toposeam.arrays import Labels, Mask
+from toposeam.errors import ImageError, OptionError, Term
 from toposeam.images import as_mask
-from toposeam.layers.blending.blend import Blend, Placed
-from toposeam.layers.canvas.layer import Extent, Layer, cut
+from toposeam.layers.canvas.canvas import Canvas
+from toposeam.layers.canvas.cylinder import turned_map
+from toposeam.layers.canvas.layer import Box, Layer, cut
 from toposeam.layers.canvas.painting import channel_count
-from toposeam.layers.canvas.tile_map import blocks, new_map
-from toposeam.layers.composite.composition import Composition, Totals
-from toposeam.layers.composite.composition_seams import Made
+from toposeam.layers.canvas.tile_map import blocks, made_map, new_map
 from toposeam.layers.composite.options import StitchOptions
-from toposeam.layers.composite.two_layers import LayersOnCanvas, divided, join, order_of
+from toposeam.layers.composite.seams import KnownSeams, Seams, SeamsOfMap
+from toposeam.layers.composite.two_layers import divided, join, order_of
 from toposeam.layers.execution.progress import Progressed
-from toposeam.layers.execution.tasks import Executor
+from toposeam.layers.labelling.label_map import LabelMap
 from toposeam.layers.labelling.posing import CORE, pose_labelling
 from toposeam.layers.labelling.problem import Labelling, Pair
-from toposeam.layers.search.multilevel import minimise
+from toposeam.layers.search.multilevel import minimise, recut
 from toposeam.layers.search.options import SearchOptions, search_options
 from toposeam.layers.search.problem import Problem
 from toposeam.seam.find import Method, method_options
 from toposeam.seam.problem.match_cost import MatchCost
 from toposeam.seam.problem.posing import as_weights
-from toposeam.seam.result.seam import Seam
 from toposeam.vector.svg import SvgSeam
 
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Labelled:
-    """A label map of placed layers, and the seams in it."""
-
-    canvas: Extent
-    placed: Placed
-    #: Gives the seam between two layers of `pairs`, as :class:`Composition` asks for it.
-    seam: Callable[[Pair, bool], Seam]
-    pairs: Sequence[Pair] = ()
-    rounds: int = 0
-    totals: Callable[[Executor | None], Totals] | None = None
-    #: Where the canvas begins on what `placed` holds, and whether it goes all the way round.
-    begin: int = 0
-    goes_round: bool = False
-
-    def composition(self, layers: Sequence[Layer], blend: Blend, blend_width: float | None) -> Composition:
-        """Compose the layers as the label map shows them, blended across the seams."""
-        return Composition(
-            layers=layers,
-            canvas=self.canvas,
-            rounds=self.rounds,
-            pairs=tuple(self.pairs),
-            _placed=self.placed,
-            _channels=channel_count(layers),
-            _blend=blend,
-            _blend_width=blend_width,
-            _seam=self.seam,
-            _begin=self.begin,
-            _goes_round=self.goes_round,
-            _totals=self.totals,
-        )
+#: On a round canvas what adjoins at the cut is searched again this share of the width to either side, but in
+#: no more than this many pixels, or else this many px to either side.
+_BAND_SHARE, _BAND_PIXELS, _BAND_WIDTH = 16, 150_000, 32
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,6 +70,24 @@ class SeamSearch:
         """Pose a labelling as a problem to be solved."""
         steps = Progressed(self.options.progress)
         return Problem.of(labelling, self.method, self.settings, self.thorough, self.options.executor, steps)
+
+    def common(self, canvas: Canvas) -> dict[str, Any]:
+        """Return the options of :func:`toposeam.find_seam` that all pairs of layers have in common."""
+        core = CORE if self.options.core is None else self.options.core
+        white = canvas.layers[0].data_range
+        return {"cost": self.match, "core": core, "speck": self.options.speck, "data_range": white}
+
+    def pose(self, canvas: Canvas, **more: Any) -> Labelling:
+        """Pose the labelling problem of a flat canvas."""
+        options = self.options
+        return pose_labelling(canvas, core=options.core, speck=options.speck, match=self.match, **more)
+
+    def recut(
+        self, labelling: Labelling, label_map: LabelMap, opened: Mask, fixed: Labels | None = None
+    ) -> LabelMap:
+        """Search a part of a label map again, by the same method."""
+        solver = self.problem(labelling).solver
+        return recut(labelling, label_map, opened, fixed, solver=solver, search=self.thorough)
 
     def recorded(self) -> dict[str, Any]:
         """Return the settings that all seams have in common."""
@@ -132,10 +121,10 @@ def check_alike(layers: Sequence[Layer]) -> None:
     channel_count(layers)
 
 
-def labelled(
-    layers: Sequence[Layer], canvas: Extent, search: SeamSearch, paths: Mapping[Pair, SvgSeam]
-) -> Labelled:
-    """Find which of placed layers shows where on a flat canvas; `paths` are seams that are given.
+def find_label_map(
+    canvas: Canvas, search: SeamSearch, paths: Mapping[Pair, SvgSeam]
+) -> tuple[LabelMap, Seams]:
+    """Find which layer shows where, and the seams of that; `paths` are seams that are given.
 
     Raises
     ------
@@ -144,25 +133,19 @@ def labelled(
     ImageError, OptionError, PathError
     """
     options = search.options
+    if canvas.period is not None:
+        return _all_round(canvas, search, paths)
     maps = {
         "weight": None if options.weight is None else as_weights(options.weight, canvas.shape),
         "avoid": None if options.avoid is None else as_mask(options.avoid, canvas.shape, "avoid"),
     }
-    find = _by_one_seam if len(layers) == 2 else _by_rounds
-    return find(LayersOnCanvas.of(layers, canvas), search, paths, maps)
-
-
-def _common(ground: LayersOnCanvas, search: SeamSearch) -> dict[str, Any]:
-    """Return the options of :func:`toposeam.find_seam` that all pairs of the layers have in common."""
-    options = search.options
-    core = CORE if options.core is None else options.core
-    white = ground.layers[0].data_range
-    return {"cost": search.match, "core": core, "speck": options.speck, "data_range": white}
+    find = _by_one_seam if len(canvas.layers) == 2 else _by_rounds
+    return find(canvas, search, paths, maps)
 
 
 def _by_one_seam(
-    ground: LayersOnCanvas, search: SeamSearch, paths: Mapping[Pair, SvgSeam], maps: Mapping[str, Any]
-) -> Labelled:
+    canvas: Canvas, search: SeamSearch, paths: Mapping[Pair, SvgSeam], maps: Mapping[str, Any]
+) -> tuple[LabelMap, Seams]:
     pair, options = (0, 1), search.options
     settings = {
         "method": search.method,
@@ -170,54 +153,71 @@ def _by_one_seam(
         "progress": options.progress,
         **search.settings,
     }
-    seam, label_map = join(ground, {**_common(ground, search), **maps}, settings, paths.get(pair))
-    return Labelled(
-        canvas=ground.canvas,
-        placed=ground.showing(label_map),
-        seam=lambda asked, beside: seam,
-        pairs=[pair],
-    )
+    seam, labels = join(canvas, {**search.common(canvas), **maps}, settings, paths.get(pair))
+    found = LabelMap(labels=labels, method=seam.method, seconds=seam.seconds)
+    return found, KnownSeams({pair: seam}, partial(search.pose, canvas, **maps))
 
 
 def _by_rounds(
-    ground: LayersOnCanvas, search: SeamSearch, paths: Mapping[Pair, SvgSeam], maps: Mapping[str, Any]
-) -> Labelled:
-    options, common = search.options, _common(ground, search)
-    labelling = pose_labelling(
-        ground.layers,
-        ground.canvas,
-        ground.covered,
-        core=options.core,
-        speck=options.speck,
-        match=search.match,
-        given=[(pair, divided(ground, pair, drawing, common)) for pair, drawing in paths.items()],
-        **maps,
-    )
-    label_map, report = minimise(
-        search.problem(labelling), order_of(ground), options.max_rounds, options.blend == "soft"
-    )
-    made = Made(labelling, label_map, report, list(paths), search.recorded())
-    made.check(options.executor)
-    return Labelled(
-        canvas=ground.canvas,
-        placed=ground.showing(label_map),
-        seam=made,
-        pairs=made.pairs,
-        rounds=report.rounds,
-        totals=made.totals,
-    )
+    canvas: Canvas, search: SeamSearch, paths: Mapping[Pair, SvgSeam], maps: Mapping[str, Any]
+) -> tuple[LabelMap, Seams]:
+    common = search.common(canvas)
+    given = [(pair, divided(canvas, pair, drawing, common)) for pair, drawing in paths.items()]
+    labelling = search.pose(canvas, given=given, **maps)
+    found = minimise(search.problem(labelling), order_of(canvas), search.options.max_rounds)
+    seams = SeamsOfMap(labelling, found, list(paths), search.recorded())
+    seams.check(search.options.executor)
+    return found, seams
 
 
-def masked(ground: LayersOnCanvas, masks: Sequence[npt.ArrayLike] | None) -> Labels:
+def _all_round(canvas: Canvas, search: SeamSearch, paths: Mapping[Pair, SvgSeam]) -> tuple[LabelMap, Seams]:
+    """Cut the canvas open where fewest layers lie beside each other, and search as on a flat one.
+
+    Where one layer lies at the cut, no seam runs there. Where several do, what adjoins there is searched
+    again in a band round the cut while everything else stays.
+    """
+    options, period = search.options, canvas.shape[1]
+    if options.weight is not None or options.avoid is not None or paths:
+        raise OptionError(
+            "{wrap} goes without {weight}, {avoid} and {paths}; leave them out",
+            kind="conflict",
+            paths=Term("use_path", "paths"),
+        )
+    half = max(8, min(period // _BAND_SHARE, max(_BAND_WIDTH, _BAND_PIXELS // (2 * canvas.shape[0]))))
+    column, beside = canvas.sparsest_column(away=half)
+    opened = canvas.cut_open(column)
+    labelling = search.pose(opened)
+    found = minimise(search.problem(labelling), order_of(opened), options.max_rounds)
+    if column:
+        labels = turned_map(found.labels, period, -column, period)
+        found, labelling = dataclasses.replace(found, labels=labels), search.pose(canvas.cut_open())
+    if beside > 1:
+        band = _columns(canvas.shape, column - half, column + half)
+        found = search.recut(labelling, found, band)
+    return found, SeamsOfMap(labelling, found, (), search.recorded())
+
+
+def _columns(shape: tuple[int, int], left: int, right: int) -> Mask:
+    """(H, W) bool map of some columns."""
+
+    def values(box: Box) -> Mask:
+        columns = np.arange(box.left, box.right)
+        return np.broadcast_to((columns >= left) & (columns < right), box.shape)
+
+    return made_map(shape, bool, values)
+
+
+def label_map_of_masks(canvas: Canvas, masks: Sequence[npt.ArrayLike] | None) -> LabelMap:
     """Compute the label map that masks on the canvas say, of which later ones win; None shows every layer
     wherever it has pixels. What no mask gives to anybody is the first layer's that has pixels there.
     """
-    label_map: Labels = new_map(ground.canvas.shape, -1, np.int16)
-    for box in blocks(ground.canvas.box):
-        labels = np.full(box.shape, -1, np.int16)
-        for index, (place, cover) in enumerate(zip(ground.places, ground.covered, strict=True)):
+    flat = canvas.cut_open()
+    labels: Labels = new_map(flat.shape, -1, np.int16)
+    for box in blocks(flat.box):
+        shows = np.full(box.shape, -1, np.int16)
+        for index, (place, cover) in enumerate(zip(flat.places, flat.covers, strict=True)):
             here = cut(cover, place, box)
             wanted = True if masks is None else np.asarray(masks[index])[box.slices] != 0
-            labels[here & (wanted | (labels < 0))] = index
-        label_map[box.slices] = labels
-    return label_map
+            shows[here & (wanted | (shows < 0))] = index
+        labels[box.slices] = shows
+    return LabelMap(labels=labels, method="masks")

@@ -21,10 +21,10 @@ from toposeam.arrays import Floats
 from toposeam.checks import check_whole
 from toposeam.errors import OptionError, Term
 from toposeam.images import as_float, full_scale, in_dtype
+from toposeam.layers.canvas.cylinder import narrowed
 from toposeam.layers.canvas.layer import Layer
 from toposeam.layers.canvas.warping import inside, interpolated, resampled
 from toposeam.layers.composite.composition import Composition
-from toposeam.layers.composite.cylindrical import narrowed
 from toposeam.layers.labelling.problem import Pair
 
 #: Largest displacement, px.
@@ -78,13 +78,13 @@ def give_way(
     layers = [_dense(layer if period is None else narrowed(layer, period)) for layer in composed.layers]
     corner = np.array(composed.origin, float)
     seams = [
-        (pair, [np.asarray(line.points) + corner for line in seam.paths]) for pair, seam in composed.seams()
+        (seam.pair, [np.asarray(line.points) + corner for line in seam.paths]) for seam in composed.outlines
     ]
     bent, farthest = bend(layers, seams, most, period)
     if not farthest:
         return composed
     again = compose(bent)
-    if again.totals().cost > (1 - _WORTH) * composed.totals().cost:
+    if again.cost > (1 - _WORTH) * composed.cost:
         return composed
     return dataclasses.replace(again, bent=farthest)
 

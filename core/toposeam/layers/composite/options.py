@@ -1,4 +1,4 @@
-"""Options of joining placed layers, each said once: of `stitch`, of `compose`, and of the command line."""
+"""Options of joining placed layers, each said once."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from typing import Any, ParamSpec, TypeVar
 import numpy.typing as npt
 
 from toposeam.checks import check_choice, check_function, check_number, check_whole
-from toposeam.layers.blending.blend import Blend, check_blend, reach_of
+from toposeam.layers.blending.blend import blending_of
+from toposeam.layers.blending.mixing import Blend, Blending
 from toposeam.layers.canvas.layer import MAX_MEGAPIXELS
 from toposeam.layers.composite.local_warp import check_give
 from toposeam.layers.execution.tasks import Executor, check_executor
@@ -19,7 +20,6 @@ from toposeam.layers.labelling.problem import Pair
 from toposeam.layers.search.options import Effort, SearchOptions, search_options
 from toposeam.seam.find import Method, method_for, method_options, usual_law
 from toposeam.seam.heat.method import HeatOptions
-from toposeam.seam.keywords import SeamKeywords
 from toposeam.seam.problem.match_cost import MatchCost, match_options
 from toposeam.seam.problem.overlap import check_core
 from toposeam.seam.thesis.options import ThesisOptions
@@ -28,39 +28,10 @@ from toposeam.vector.svg import SvgSeam
 Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
 
-#: Rounds of expansions at most; three are typical.
-MAX_ROUNDS = 10
-
-
-class StitchKeywords(SeamKeywords, total=False):
-    """Fields of :class:`StitchOptions`, and those of the options of methods."""
-
-    method: Method
-    gradient: bool | None
-    cost: MatchCost | None
-    options: HeatOptions | ThesisOptions | None
-    weight: npt.ArrayLike | None
-    avoid: npt.ArrayLike | None
-    core: float | None
-    speck: float | None
-    blend: Blend
-    blend_width: float | None
-    match_tones: bool
-    match_shading: bool
-    give: int
-    use_path: SvgSeam | Mapping[Pair, SvgSeam] | None
-    max_rounds: int
-    effort: Effort | SearchOptions | None
-    max_megapixels: float
-    wrap: int | None
-    record_frames: bool
-    executor: Executor | None
-    progress: Callable[[float], None] | None
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StitchOptions:
-    """Options of :func:`toposeam.stitch`, which says what each means, and :func:`toposeam.layers.compose`.
+    """Options of :func:`toposeam.stitch`.
 
     Raises
     ------
@@ -75,26 +46,65 @@ class StitchOptions:
     (None, 10)
     """
 
+    #: As for :func:`toposeam.find_seam`. Regions between more than two layers are no strips: `thesis` and
+    #: `dp` leave them to `auto`. Of two layers the blend "soft" makes `auto` choose `heat`.
     method: Method = "auto"
+    #: As for :func:`toposeam.find_seam`.
     gradient: bool | None = None
+    #: The match cost; without it, the blends "soft" and "multiband" set its `reach` to how far they reach.
     cost: MatchCost | None = None
+    #: Those of the method, which may also be given as keywords.
     options: HeatOptions | ThesisOptions | None = None
+    #: (H, W) on the canvas: a positive factor on the cost of each pixel's interfaces.
     weight: npt.ArrayLike | None = field(default=None, repr=False)
+    #: (H, W) on the canvas: pixels no seam may touch.
     avoid: npt.ArrayLike | None = field(default=None, repr=False)
+    #: What must show of a layer that others cover wholly: this share, in (0, 1], of its depth, from its
+    #: middle outwards; 1 is all of it but its border, where the seam must run. By default a layer that lies
+    #: inside one other layer shows the half of its depth, and one that several others together cover shows
+    #: only where that makes the seams cheaper, which may be nowhere (:attr:`Composition.hidden`).
     core: float | None = None
+    #: A piece of a layer that others cover wholly need not show if it cannot show this many connected pixels,
+    #: unless the layer has hardly anything else; by default 64, or 0.05 % of the layer's own if that is more.
+    #: 0 lets every piece show.
     speck: float | None = None
+    #: What happens across the seams (:mod:`toposeam.layers.blending.blend`). The masks stay hard.
     blend: Blend = "none"
+    #: Of `feather`, `multiband` and `gradient`, px.
     blend_width: float | None = None
+    #: First give each layer a gain per channel so that overlaps agree
+    #: (:mod:`toposeam.layers.exposure.gains`).
     match_tones: bool = False
+    #: The same, and a smooth field of gain, since lenses darken towards the corners
+    #: (:mod:`toposeam.layers.exposure.shading`).
     match_shading: bool = False
+    #: Bend the layers by up to this many px until what crosses a seam goes on behind it, and search the seams
+    #: again (:mod:`toposeam.layers.composite.local_warp`), where that makes them clearly cheaper. All layers
+    #: have to fit into memory.
     give: int = 0
+    #: Seams that were read from files, on the canvas: of the only two layers, or of pairs of layers by
+    #: number.
     use_path: SvgSeam | Mapping[Pair, SvgSeam] | None = None
-    max_rounds: int = MAX_ROUNDS
+    #: Rounds of expansions at most, of which three are typical; 0 leaves the seams as they were found one
+    #: after another.
+    max_rounds: int = 10
+    #: How thoroughly the seams of more than two layers are searched. By default "fast" up to 12 layers and
+    #: "best" from 13 on. "best" searches canvases of up to 4 megapixels twice, on costs reduced in two ways,
+    #: and once more at full size where three layers meet; it takes two to four times as long, and its seams
+    #: cost the same or less by up to some per cent.
     effort: Effort | SearchOptions | None = None
+    #: Refuse a larger canvas.
     max_megapixels: float = MAX_MEGAPIXELS
+    #: The canvas goes round, as a panorama of 360° does, and has this width, px: what reaches over the right
+    #: edge lies at the left one, and seams and blending know it.
     wrap: int | None = None
+    #: Of two layers: keep the densities of every iteration in ``Seam.frames``.
     record_frames: bool = False
+    #: Where what does not depend on each other is done, a :class:`concurrent.futures.Executor`; the result is
+    #: the same. Layers are handed to it: let their images be Windows that are small when pickled, such as
+    #: those that know a file's name.
     executor: Executor | None = None
+    #: Called with the share of the work done, in [0, 1].
     progress: Callable[[float], None] | None = None
 
     def __post_init__(self) -> None:
@@ -104,7 +114,7 @@ class StitchOptions:
         check_whole("max_rounds", self.max_rounds, 0)
         search_options(self.effort, 0)
         check_core(self.core, self.speck)
-        check_blend(self.blend, self.blend_width)
+        blending_of(self.blend, self.blend_width)
         for name in ("record_frames", "match_tones", "match_shading"):
             check_choice(name, getattr(self, name), (True, False))
         method_options(self.method_of(0), {}, self.options)
@@ -127,9 +137,15 @@ class StitchOptions:
             own["options"] = method_options(method, keywords, own.get("options"))
         return cls(**own)
 
+    @property
+    def blending(self) -> Blending:
+        """What happens across the seams."""
+        return blending_of(self.blend, self.blend_width)
+
     def method_of(self, count: int) -> Method:
         """Choose the method for a number of layers."""
-        heats = self.record_frames or self.options is not None or (self.blend == "soft" and count == 2)
+        heats = self.record_frames or self.options is not None
+        heats = heats or (count == 2 and self.blending.needs_potential)
         return method_for(self.method, heats=heats)
 
     def match_of(self, method: Method) -> MatchCost:
@@ -137,7 +153,7 @@ class StitchOptions:
         match = match_options(self.gradient, self.cost, usual_law(method))
         if match.reach is not None:
             return match
-        return dataclasses.replace(match, reach=reach_of(self.blend, self.blend_width))
+        return dataclasses.replace(match, reach=self.blending.reach)
 
 
 def with_signature(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:

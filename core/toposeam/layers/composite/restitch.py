@@ -1,4 +1,4 @@
-"""A composite made anew from its seams' paths, some of which were changed by hand."""
+"""A composition made anew: along paths that were bent, and round strokes that say which layer shows."""
 
 from __future__ import annotations
 
@@ -9,29 +9,30 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
-from toposeam.arrays import Labels
+from toposeam.arrays import Bytes, Labels, Mask
 from toposeam.checks import check_items
 from toposeam.errors import OptionError, PathError, Term
 from toposeam.images import as_mask
-from toposeam.layers.blending.blend import Blend
-from toposeam.layers.canvas.layer import (
-    MAX_MEGAPIXELS,
-    Extent,
-    Layer,
-    check_layers,
-    common_canvas,
-    extent_of,
-)
-from toposeam.layers.canvas.tile_map import blocks, cover_of, dense
-from toposeam.layers.composite.label_maps import Labelled, SeamSearch, check_alike, labelled, masked
+from toposeam.layers.blending.blend import blending_of
+from toposeam.layers.blending.mixing import Blend
+from toposeam.layers.canvas.canvas import Canvas, common_canvas
+from toposeam.layers.canvas.layer import MAX_MEGAPIXELS, Box, Layer, check_layers, cut
+from toposeam.layers.composite.composition import Composition
+from toposeam.layers.composite.label_maps import SeamSearch, check_alike, find_label_map, label_map_of_masks
 from toposeam.layers.composite.options import StitchOptions
-from toposeam.layers.composite.stitch import Stitched, pair_name, stitched
-from toposeam.layers.composite.two_layers import LayersOnCanvas, moved_seam, paths_by_pair
+from toposeam.layers.composite.seams import Seams, SeamsOfMap
+from toposeam.layers.composite.summary import pair_name
+from toposeam.layers.composite.two_layers import paths_by_pair
 from toposeam.layers.labelling.problem import Pair
+from toposeam.seam.problem.match_cost import MatchCost
 from toposeam.seam.problem.overlap import FREE, NONE, A, B
 from toposeam.seam.result.apply import labels_from_paths
-from toposeam.seam.result.seam import Seam
 from toposeam.vector.svg import SvgSeam
+
+#: Round strokes a window is searched again that reaches this many px beyond them, or as far again as they do.
+_LEAST_MARGIN = 160
+#: At the window's border this many px stay as they are.
+_RING = 2
 
 
 def restitch(
@@ -39,23 +40,30 @@ def restitch(
     masks: Sequence[npt.ArrayLike],
     paths: Mapping[Pair, SvgSeam],
     *,
+    fixed: npt.ArrayLike | None = None,
+    cost: MatchCost | None = None,
     blend: Blend = "none",
     blend_width: float | None = None,
     max_megapixels: float = MAX_MEGAPIXELS,
-) -> Stitched:
-    """Apply changed paths to layers that were stitched.
+) -> Composition:
+    """Apply changed paths, and strokes, to layers that were stitched.
 
-    Each pair with a path divides anew what its two layers show together; all else stays as the masks say. Of
-    two layers that is everything both cover.
+    Each pair with a path divides anew what its two layers show together, of two layers everything both cover.
+    Then, where strokes ask for layers that do not show there yet, a window round these is searched again. All
+    else stays as the masks say.
 
     Parameters
     ----------
     layers : sequence of Layer
         As they were stitched.
     masks : sequence of (H, W) array_like
-        Where each layer shows on the canvas, as :attr:`Stitched.masks`.
+        Where each layer shows on the canvas, as :attr:`Composition.masks`.
     paths : mapping of (int, int) to SvgSeam
         The changed seams by pair of layers, on the canvas, applied in this order.
+    fixed : (H, W) int array, optional
+        The number of the layer that must show, -1 where any may; left out where that layer has no pixels.
+    cost : MatchCost, optional
+        As for :func:`toposeam.stitch`.
     blend, blend_width
         As for :func:`toposeam.stitch`. A path has no label potential: ``soft`` feathers.
     max_megapixels : float
@@ -63,8 +71,7 @@ def restitch(
 
     Returns
     -------
-    Stitched
-        Its seams are those of the pairs in `paths`.
+    Composition
 
     Raises
     ------
@@ -84,7 +91,7 @@ def restitch(
     True
     """
     layers = check_layers(layers)
-    options = StitchOptions(blend=blend, blend_width=blend_width, max_megapixels=max_megapixels)
+    options = StitchOptions(cost=cost, blend=blend, blend_width=blend_width, max_megapixels=max_megapixels)
     masks = check_items("masks", masks, object, "one mask per layer")
     if len(masks) != len(layers):
         raise OptionError(
@@ -94,32 +101,57 @@ def restitch(
             count=len(masks),
             wanted=len(layers),
         )
+    check_alike(layers)
     canvas = common_canvas(layers, max_megapixels=options.max_megapixels)
-    places, covered = [canvas.place(layer) for layer in layers], list(map(cover_of, layers))
-    ground = LayersOnCanvas(layers, canvas, places, covered)
     shown = [as_mask(mask, canvas.shape, f"masks[{index}]") for index, mask in enumerate(masks)]
-    label_map = masked(ground, shown)
     drawings = paths_by_pair(paths, len(layers), "paths")
-    seams = {pair: _divide(ground, label_map, pair, drawing) for pair, drawing in drawings.items()}
-    found = Labelled(
-        canvas=canvas,
-        placed=ground.showing(label_map),
-        seam=lambda pair, beside: seams[pair],
-        pairs=list(seams),
-    )
-    return stitched(found.composition(layers, "feather" if blend == "soft" else blend, blend_width))
+    search = SeamSearch.of(options, len(layers))
+    seams: Seams
+    if len(layers) == 2 and drawings:
+        found, seams = find_label_map(_with_kernel(canvas, drawings[0, 1]), search, drawings)
+    else:
+        found = label_map_of_masks(canvas, shown)
+        for pair, drawing in drawings.items():
+            _divide(canvas, found.labels, pair, drawing)
+        seams = SeamsOfMap(search.pose(canvas), found, tuple(drawings), search.recorded())
+    if fixed is not None:
+        wanted = _where_possible(canvas, np.asarray(fixed, np.int16))
+        opened = _window_round((wanted >= 0) & (found.labels[:, :] != wanted))
+        if opened.any():
+            found = search.recut(seams.labelling, found, opened, wanted)
+            seams = SeamsOfMap(seams.labelling, found, tuple(drawings), search.recorded())
+    blending = options.blending
+    if blending.needs_potential:
+        blending = blending_of(blending.without_potential, blend_width)
+    return Composition(canvas=canvas, solution=found, blending=blending, _seams=seams)
 
 
-def _divide(ground: LayersOnCanvas, label_map: Labels, pair: Pair, drawing: SvgSeam) -> Seam:
+def _where_possible(canvas: Canvas, wanted: Labels) -> Labels:
+    """(H, W): the layers that strokes ask for, -1 where these have no pixels."""
+    result = np.full(canvas.shape, -1, np.int16)
+    for index, (place, cover) in enumerate(zip(canvas.places, canvas.covers, strict=True)):
+        here = result[place.slices]
+        here[(wanted[place.slices] == index) & cover[:, :]] = index
+    return result
+
+
+def _window_round(wrong: Mask) -> Mask:
+    """(H, W) bool: what is searched again round pixels that do not show what they should, and these."""
+    opened = wrong.copy()
+    if not wrong.any():
+        return opened
+    rows, columns = (np.flatnonzero(wrong.any(axis=axis)) for axis in (1, 0))
+    tight = Box(int(rows[0]), int(columns[0]), int(rows[-1]) + 1, int(columns[-1]) + 1)
+    canvas = Box(0, 0, *wrong.shape)
+    box = tight.grown(max(_LEAST_MARGIN, *tight.shape)).shared(canvas)
+    steps = zip(box, canvas, (_RING, _RING, -_RING, -_RING), strict=True)
+    inner = Box(*(edge if edge == end else edge + step for edge, end, step in steps))
+    opened[inner.slices] = True
+    return opened
+
+
+def _divide(canvas: Canvas, labels: Labels, pair: Pair, drawing: SvgSeam) -> None:
     """Divide what a pair shows along a path, in place."""
-    layers, canvas = ground.layers, ground.canvas
-    both = []
-    for index in pair:
-        place, cover = ground.places[index], dense(ground.covered[index])
-        theirs = np.isin(label_map[place.slices], pair) if len(layers) > 2 else True
-        both.append(dataclasses.replace(layers[index], mask=cover & theirs))
-    part = extent_of(both)
-    shift = np.subtract(part.origin, canvas.origin)
     height, width = canvas.shape
     if (drawing.width, drawing.height) != (width, height):
         raise PathError(
@@ -131,43 +163,48 @@ def _divide(ground: LayersOnCanvas, label_map: Labels, pair: Pair, drawing: SvgS
             width=width,
             height=height,
         )
-    lines = tuple(dataclasses.replace(line, points=line.points - shift) for line in drawing.polylines)
-    there = SvgSeam(lines, part.shape[1], part.shape[0], None, drawing.names)
+    box = canvas.places[pair[0]].around(canvas.places[pair[1]]).shared(canvas.box)
+    shown = labels[box.slices]
+    covers = [cut(canvas.covers[k], canvas.places[k], box) & np.isin(shown, pair) for k in pair]
+    shared, side = _sides(*covers)
+    if not shared.any():
+        return
+    shift = np.array([box.left, box.top], float)
+    lines = [dataclasses.replace(line, points=line.points - shift) for line in drawing.polylines]
     try:
-        check_alike(both)
-        search = SeamSearch.of(StitchOptions(), 2)
-        joined = labelled(_with_kernel(both, there, part), part, search, {(0, 1): there})
+        second_shows = labels_from_paths(lines, shared, side)
     except PathError as error:
-        name = pair_name(*(layers[index].name for index in pair))
-        raise (error.within("{name}: {error}", name=name) if len(layers) > 2 else error) from None
-    box = part.box.moved(int(shift[1]), int(shift[0]))
-    for tile in blocks(box):
-        labels = joined.placed.label_map[tile.within(box)]
-        before = label_map[tile.slices]
-        label_map[tile.slices] = np.where(labels < 0, before, np.array(pair, np.int16)[labels])
-    return moved_seam(joined.seam((0, 1), False), box, canvas, label_map, pair[1])
+        name = pair_name(*(canvas.layers[index].name for index in pair))
+        raise error.within("{name}: {error}", name=name) from None
+    one, other = np.int16(pair[0]), np.int16(pair[1])
+    labels[box.slices] = np.where(shared, np.where(second_shows, other, one), shown)
 
 
-def _with_kernel(both: Sequence[Layer], drawing: SvgSeam, canvas: Extent) -> list[Layer]:
-    """Two layers, of which one that lies wholly inside the other is told to show at the innermost pixel of
-    what a closed path gives it; what else of it must show, the path alone decides.
+def _sides(first: Mask, second: Mask) -> tuple[Mask, Bytes]:
+    """Where two layers both have pixels, and whose ground the others are, as a seam problem has it."""
+    shared = first & second
+    return shared, np.select([shared, first, second], [FREE, A, B], NONE).astype(np.uint8)
+
+
+def _with_kernel(canvas: Canvas, drawing: SvgSeam) -> Canvas:
+    """Two layers, of which one that lies wholly inside the other must show at the innermost pixel of what a
+    closed path gives it; what else of it must show, the path alone decides.
     """
-    covers = []
-    for layer in both:
-        cover = np.zeros(canvas.shape, bool)
-        cover[canvas.place(layer).slices] = layer.covered
-        covers.append(cover)
-    shared = covers[0] & covers[1]
-    alone = [cover & ~shared for cover in covers]
-    if all(ground.any() for ground in alone) or not shared.any():
-        return list(both)
-    side = np.select([alone[0], alone[1], shared], [A, B, FREE], NONE).astype(np.uint8)
-    shows_b = labels_from_paths(drawing.polylines, shared, side)
-    inner = 0 if not alone[0].any() else 1
-    shown = shared & (shows_b if inner else ~shows_b)
+    covers = [
+        cut(cover, place, canvas.box) for cover, place in zip(canvas.covers, canvas.places, strict=True)
+    ]
+    shared, side = _sides(*covers)
+    alone = [bool((side == A).any()), bool((side == B).any())]
+    if all(alone) or not shared.any() or (drawing.width, drawing.height) != canvas.shape[::-1]:
+        return canvas
+    inner = 1 if alone[0] else 0
+    second_shows = labels_from_paths(drawing.polylines, shared, side)
+    shown = shared & (second_shows if inner else ~second_shows)
     if not shown.any():
-        return list(both)
+        return canvas
+    depth = scipy.ndimage.distance_transform_cdt(np.pad(shown, 1))[1:-1, 1:-1]
     kernel = np.zeros(canvas.shape, bool)
-    kernel.flat[int(np.argmax(scipy.ndimage.distance_transform_cdt(np.pad(shown, 1))[1:-1, 1:-1]))] = True
-    kept = dataclasses.replace(both[inner], keep=kernel[canvas.place(both[inner]).slices])
-    return [kept, both[1]] if inner == 0 else [both[0], kept]
+    kernel.flat[int(np.argmax(depth))] = True
+    layers = list(canvas.layers)
+    layers[inner] = dataclasses.replace(layers[inner], keep=kernel[canvas.places[inner].slices])
+    return Canvas(layers=layers, origin=canvas.origin, shape=canvas.shape)

@@ -1,10 +1,9 @@
-"""Layers on their canvas, two of them joined along a seam, and in which order more are joined."""
+"""Two layers joined along one seam that is searched or given, and in which order more are joined."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -12,11 +11,11 @@ import numpy as np
 from toposeam.arrays import Labels, Mask
 from toposeam.checks import check_kind, check_pair
 from toposeam.errors import OptionError, OverlapError, PathError, Term
-from toposeam.layers.blending.blend import Placed
-from toposeam.layers.canvas.layer import Box, Extent, Layer, cut
+from toposeam.layers.canvas.canvas import Canvas
+from toposeam.layers.canvas.layer import Box, cut
 from toposeam.layers.canvas.painting import channel_count, paint
-from toposeam.layers.canvas.tile_map import blocks, dense, is_empty, new_map
-from toposeam.layers.labelling.posing import exclusive_covers, meets
+from toposeam.layers.canvas.tile_map import blocks, dense, new_map
+from toposeam.layers.labelling.posing import meets
 from toposeam.layers.labelling.problem import Pair
 from toposeam.seam.find import find_seam
 from toposeam.seam.problem.natural import CELL
@@ -27,51 +26,8 @@ from toposeam.vector.svg import SvgSeam
 _MAPS = ("weight", "avoid")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LayersOnCanvas:
-    """Layers, where they lie on their canvas, and where each may show."""
-
-    layers: Sequence[Layer]
-    canvas: Extent
-    places: Sequence[Box]
-    #: Per layer, on its place, where it has pixels and no other layer must be kept.
-    covered: Sequence[Mask]
-
-    @classmethod
-    def of(cls, layers: Sequence[Layer], canvas: Extent) -> LayersOnCanvas:
-        """Place layers on a canvas and find where each may show.
-
-        Raises
-        ------
-        OverlapError
-            When a layer can show nowhere.
-        OptionError
-            When two layers must both be kept at a pixel.
-        """
-        places = [canvas.place(layer) for layer in layers]
-        covered = exclusive_covers(layers, places, canvas)
-        for index, (layer, own) in enumerate(zip(layers, covered, strict=True)):
-            if is_empty(own):
-                x, y = layer.at
-                raise OverlapError(
-                    "{name} (at {x},{y}): the {patches} do not overlap: no pixel of it shows, as it "
-                    "is transparent or masked everywhere, or others keep all of it; leave it out, or "
-                    "check what is transparent or masked",
-                    kind="apart",
-                    layers=(index,),
-                    name=layer.name,
-                    x=x,
-                    y=y,
-                )
-        return cls(layers, canvas, places, covered)
-
-    def showing(self, label_map: Labels) -> Placed:
-        """Return the layers with a label map, which says where each shows."""
-        return Placed(layers=self.layers, places=self.places, covered=self.covered, label_map=label_map)
-
-
 def join(
-    two: LayersOnCanvas,
+    two: Canvas,
     common: Mapping[str, Any],
     settings: Mapping[str, Any],
     drawing: SvgSeam | None = None,
@@ -80,7 +36,7 @@ def join(
 
     Parameters
     ----------
-    two : LayersOnCanvas
+    two : Canvas
     common : mapping
         Options of :func:`toposeam.find_seam` that drawn seams have, too; `weight` and `avoid` on the canvas.
     settings : mapping
@@ -95,7 +51,7 @@ def join(
     (H, W) int16 array
         The label map.
     """
-    canvas, (place_a, place_b) = two.canvas.box, two.places
+    canvas, (place_a, place_b) = two.box, two.places
     # All that matters lies where both are, and two pixels around: gradients and grounds end there. What
     # is a speck is counted there too, so that a drawn seam is applied to the box it was found in.
     box = place_b.shared(place_a).grown(2)
@@ -103,11 +59,11 @@ def join(
     box = Box(box.top - box.top % CELL, box.left - box.left % CELL, *box[2:]).shared(canvas)
     if not all(place_b.shared(place_a).shape):
         box = canvas
-    if drawing is not None and (drawing.height, drawing.width) == two.canvas.shape:
+    if drawing is not None and (drawing.height, drawing.width) == two.shape:
         drawing = _on_box(drawing, box)
     elif drawing is not None:
         box = canvas  # where the drawing is refused
-    cover_a, cover_b = (cut(cover, at, box) for cover, at in zip(two.covered, two.places, strict=True))
+    cover_a, cover_b = (cut(cover, at, box) for cover, at in zip(two.covers, two.places, strict=True))
     channels = channel_count(two.layers)
     first, second = (
         paint([one], [at], np.where(cover, np.int16(0), np.int16(-1)), box, channels)[0]
@@ -128,19 +84,19 @@ def join(
         x, y = b.at
         raise named.within("{name} (at {x},{y}): {error}", name=b.name, x=x, y=y) from error
     label_map = _shown(two, seam, box)
-    return moved_seam(seam, box, two.canvas, label_map, 1), label_map
+    return moved_seam(seam, box, two.shape, label_map, 1), label_map
 
 
-def _shown(two: LayersOnCanvas, seam: Seam, box: Box) -> Labels:
+def _shown(two: Canvas, seam: Seam, box: Box) -> Labels:
     """Compute the label map of two layers and their seam on a box of the canvas."""
-    label_map: Labels = new_map(two.canvas.shape, -1, np.int16)
-    for index, (place, cover) in enumerate(zip(two.places, two.covered, strict=True)):
+    label_map: Labels = new_map(two.shape, -1, np.int16)
+    for index, (place, cover) in enumerate(zip(two.places, two.covers, strict=True)):
         for part in blocks(place):
             here = cut(cover, place, part)
             before = label_map[part.slices]
             label_map[part.slices] = np.where(here, np.int16(index), before)
-    first, second = (cut(cover, place, box) for cover, place in zip(two.covered, two.places, strict=True))
-    labels, both = cut(label_map, two.canvas.box, box), first & second
+    first, second = (cut(cover, place, box) for cover, place in zip(two.covers, two.places, strict=True))
+    labels, both = cut(label_map, two.box, box), first & second
     labels[both] = np.where(seam.labels[both], np.int16(1), np.int16(0))
     label_map[box.slices] = labels
     return label_map
@@ -153,12 +109,12 @@ def _on_box(drawing: SvgSeam, box: Box) -> SvgSeam:
     return dataclasses.replace(drawing, polylines=lines, height=box.shape[0], width=box.shape[1])
 
 
-def moved_seam(seam: Seam, box: Box, canvas: Extent, label_map: Labels, index: int) -> Seam:
-    """A seam on a box of the canvas as one on the canvas; `index` is the number of its second layer."""
+def moved_seam(seam: Seam, box: Box, shape: tuple[int, int], label_map: Labels, index: int) -> Seam:
+    """Return a seam on a box of a canvas as one on the canvas; `index` is the number of its second layer."""
     overlap = seam.problem.overlap
     start = overlap.start[0] + box.top, overlap.start[1] + box.left
     problem = dataclasses.replace(
-        seam.problem, overlap=dataclasses.replace(overlap, start=start, canvas=canvas.shape)
+        seam.problem, overlap=dataclasses.replace(overlap, start=start, canvas=shape)
     )
     return dataclasses.replace(seam, problem=problem, _only_b=lambda: dense(label_map) == index)
 
@@ -199,25 +155,25 @@ def paths_by_pair(
     return paths
 
 
-def divided(ground: LayersOnCanvas, pair: Pair, drawing: SvgSeam, common: Mapping[str, Any]) -> Mask:
+def divided(canvas: Canvas, pair: Pair, drawing: SvgSeam, common: Mapping[str, Any]) -> Mask:
     """Find where a given seam shows the second layer of its pair, (H, W) bool on the canvas."""
-    first, second = (ground.layers[index] for index in pair)
+    first, second = (canvas.layers[index] for index in pair)
     try:
-        return join(LayersOnCanvas.of([first, second], ground.canvas), common, {}, drawing)[0].labels
+        return join(canvas.of_layers(pair), common, {}, drawing)[0].labels
     except PathError as error:
         raise error.within(
             "between {first} and {second}: {error}", layers=pair, first=first.name, second=second.name
         ) from error
 
 
-def order_of(ground: LayersOnCanvas) -> list[int]:
+def order_of(canvas: Canvas) -> list[int]:
     """The layers in their order, each that overlaps none before it waiting until one does.
 
     Raises
     ------
     OverlapError
     """
-    layers, places, covered = ground.layers, ground.places, ground.covered
+    layers, places, covered = canvas.layers, canvas.places, canvas.covers
     order, waiting = [0], list(range(1, len(layers)))
     while waiting:
         index = next((k for k in waiting if any(meets(places, covered, k, j) for j in order)), None)

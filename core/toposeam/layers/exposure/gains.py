@@ -27,7 +27,8 @@ import numpy.typing as npt
 from toposeam.arrays import Image, Mask
 from toposeam.checks import check_choice
 from toposeam.images import Windows, check_values
-from toposeam.layers.canvas.layer import Box, Layer, check_layers, extent_of
+from toposeam.layers.canvas.canvas import extent_of
+from toposeam.layers.canvas.layer import Box, Layer, check_layers
 from toposeam.layers.execution.tasks import Executor, check_executor, results
 from toposeam.layers.exposure.linear_light import decoded, light_of
 from toposeam.layers.exposure.scaled_layers import Field, Toned

@@ -1,13 +1,15 @@
+from .label_map import LabelMap
 from .pair_cost import KEPT_PIXELS, LayerPairCost
-from .posing import CORE, check_pairs, exclusive_covers, meets, pose_labelling
+from .posing import CORE, check_pairs, meets, pose_labelling
 from .problem import Labelling, Pair, PairCost
 from .seam_lines import beside_steps, doubled_around, junctions, reached, square_dilation
-from .subproblem import part_of_labelling
+from .subproblem import part_of_labelling, window_of_labelling
 from .table_costs import TableCost, spread
 
 __all__ = [
     "CORE",
     "KEPT_PIXELS",
+    "LabelMap",
     "Labelling",
     "LayerPairCost",
     "Pair",
@@ -16,7 +18,6 @@ __all__ = [
     "beside_steps",
     "check_pairs",
     "doubled_around",
-    "exclusive_covers",
     "junctions",
     "meets",
     "part_of_labelling",
@@ -24,4 +25,5 @@ __all__ = [
     "reached",
     "spread",
     "square_dilation",
+    "window_of_labelling",
 ]

@@ -23,20 +23,19 @@ from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
+import scipy
 
 from toposeam.arrays import Mask
 from toposeam.errors import OptionError
 from toposeam.images import box_of
 from toposeam.layers.canvas.border_bands import full_within, rimmed
-from toposeam.layers.canvas.connected_components import pieces_of
-from toposeam.layers.canvas.layer import Box, Extent, Layer, cut, extent_of
+from toposeam.layers.canvas.canvas import Canvas, extent_of
+from toposeam.layers.canvas.layer import Box, Layer, cut
 from toposeam.layers.canvas.tile_map import (
     all_of,
     blocks,
-    cover_of,
     dense,
     ground,
-    made_map,
     new_map,
     occupied_columns,
     uniform,
@@ -56,9 +55,7 @@ _T = TypeVar("_T")
 
 
 def pose_labelling(
-    layers: Sequence[Layer],
-    extent: Extent,
-    covered: Sequence[Mask],
+    canvas: Canvas,
     *,
     core: float | None = None,
     speck: float | None = None,
@@ -71,11 +68,8 @@ def pose_labelling(
 
     Parameters
     ----------
-    layers : sequence of Layer
-    extent : Extent
-        Their canvas.
-    covered : sequence of (h, w) bool arrays
-        Per layer, on its place, where it has pixels it may show (:func:`exclusive_covers`).
+    canvas : Canvas
+        A flat one; a round one is cut open first (:meth:`Canvas.cut_open`).
     core, speck
         As for :func:`toposeam.stitch`.
     match
@@ -85,17 +79,17 @@ def pose_labelling(
     given : sequence of ((int, int), (H, W) bool array)
         Seams that are known: two layers, and where the second one shows beside the first.
     """
-    places = [extent.place(layer) for layer in layers]
+    places, covered = canvas.places, canvas.covers
     pairs = _overlapping(places, covered)
     allowed = _away_from_ends(places, covered)
-    _keep_cores(extent.box, places, covered, allowed, core, speck)
+    _keep_cores(canvas.box, places, covered, allowed, core, speck)
     for pair, labels in given:
         _divide(places, allowed, pair, labels)
     match = MatchCost() if match is None else match
-    pictures = Pictures(layers, places, covered, allowed, match, weight, avoid, extent.box)
+    pictures = Pictures(canvas.layers, places, covered, allowed, match, weight, avoid, canvas.box)
     costs: dict[Pair, PairCost] = {pair: LayerPairCost(pair, pictures) for pair in pairs}
     forbidden = float("inf") if avoid is None else FORBIDDEN
-    return Labelling(extent.box, places, allowed, costs, forbidden)
+    return Labelling(canvas.box, places, allowed, costs, forbidden)
 
 
 def check_pairs(layers: Sequence[Layer]) -> None:
@@ -105,14 +99,13 @@ def check_pairs(layers: Sequence[Layer]) -> None:
     ------
     OptionError
     """
-    extent = extent_of(layers)
-    places = [extent.place(layer) for layer in layers]
-    top, left, bottom, right = np.array(places).T
+    canvas = extent_of(layers)
+    top, left, bottom, right = np.array(canvas.places).T
     meet = (np.maximum.outer(top, top) < np.minimum.outer(bottom, bottom)) & (
         np.maximum.outer(left, left) < np.minimum.outer(right, right)
     )
     if np.count_nonzero(meet) > 2 * _MOST_PAIRS:  # what is transparent may make them fewer
-        _overlapping(places, exclusive_covers(layers, places, extent))
+        _overlapping(canvas.places, canvas.covers)
 
 
 def _overlapping(places: Sequence[Box], covered: Sequence[Mask]) -> list[Pair]:
@@ -269,7 +262,7 @@ def _cores_of(
         if sum(map(len, runs)) < place.shape[1] and not _lies_in_another(index, places, covered, runs):
             return None
     cover = dense(covered[index])
-    piece = cover.astype(np.int32) if whole else pieces_of(cover)[0]
+    piece = cover.astype(np.int32) if whole else scipy.ndimage.label(cover)[0]
     size = np.bincount(piece.ravel())
     if core is None:
         inside = _inside_another(index, places, covered, place, piece, size)
@@ -283,7 +276,7 @@ def _cores_of(
     if not middle.any():
         return None
     rows, columns = box_of(middle)
-    piece = pieces_of(middle[rows, columns])[0]
+    piece = scipy.ndimage.label(middle[rows, columns])[0]
     numbers: npt.NDArray[np.int32] = new_map(piece.shape, 0, np.int32)
     numbers[:, :] = piece
     box = Box(rows.start, columns.start, rows.stop, columns.stop).moved(*place[:2])
@@ -302,7 +295,7 @@ def _lies_in_another(
     """Whether a connected piece of some runs of a layer's columns lies inside another layer."""
     place = places[index]
     for run in runs:
-        piece = pieces_of(dense(covered[index][:, run.start : run.stop]))[0]
+        piece = scipy.ndimage.label(dense(covered[index][:, run.start : run.stop]))[0]
         size = np.bincount(piece.ravel())
         box = Box(place.top, place.left + run.start, place.bottom, place.left + run.stop)
         if _inside_another(index, places, covered, box, piece, size).any():
@@ -356,50 +349,3 @@ def _divide(places: Sequence[Box], allowed: list[Mask], pair: Pair, labels: Mask
         at, there = common.within(places[index]), common.within(places[other])
         taken = shows & allowed[other][there] & allowed[index][at]
         allowed[other][there] = allowed[other][there] & ~taken
-
-
-def exclusive_covers(layers: Sequence[Layer], places: Sequence[Box], canvas: Extent) -> list[Mask]:
-    """Per layer, on its place, where it has pixels that may show and no other layer must be kept.
-
-    Raises
-    ------
-    OptionError
-        When two layers must both be kept at a pixel, or one is to be kept nowhere that it has pixels.
-    """
-    covered = [cover_of(layer) for layer in layers]
-    if all(layer.keep is None for layer in layers):
-        return covered
-    keeper = new_map(canvas.shape, -1, np.int16)
-    for index, (layer, place) in enumerate(zip(layers, places, strict=True)):
-        if layer.keep is None:
-            continue
-        kept = dense(covered[index]) & np.asarray(layer.keep)
-        if not kept.any():
-            raise OptionError(
-                "{name} is to be kept where it has no pixels; check its keep mask",
-                kind="kept nowhere",
-                layers=(index,),
-                name=layer.name,
-            )
-        before = keeper[place.slices]
-        rivals = before[kept]
-        if rivals.max() >= 0:
-            rival = layers[int(rivals.max())].name
-            count = np.count_nonzero(rivals >= 0)
-            raise OptionError(
-                "{other} and {name} are both to be kept at {count} pixels; keep only one of them there",
-                kind="both kept",
-                layers=(int(rivals.max()), index),
-                other=rival,
-                name=layer.name,
-                count=count,
-            )
-        keeper[place.slices] = np.where(kept, np.int16(index), before)
-
-    def exclusive(index: int, box: Box) -> Mask:
-        place = places[index]
-        keeps = keeper[box.moved(*place[:2]).slices]
-        result: Mask = covered[index][box.slices] & ((keeps < 0) | (keeps == index))
-        return result
-
-    return [made_map(place.shape, bool, partial(exclusive, index)) for index, place in enumerate(places)]

@@ -1,15 +1,18 @@
-"""A part of a labelling problem, for whoever works on that part only."""
+"""A part of a labelling problem, on its canvas or as a problem of its own."""
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from toposeam.arrays import Floats32, Mask
 from toposeam.layers.canvas.layer import Box
 from toposeam.layers.canvas.tile_map import part_of
-from toposeam.layers.labelling.problem import Labelling, Pair
+from toposeam.layers.labelling.problem import Labelling, Pair, PairCost
 
 
 def part_of_labelling(labelling: Labelling, box: Box, pair: Pair | None = None) -> Labelling:
@@ -27,3 +30,55 @@ def part_of_labelling(labelling: Labelling, box: Box, pair: Pair | None = None) 
     places = [place if is_near else nothing for place, is_near in zip(labelling.places, near, strict=True)]
     costs = {(i, j): cost.part(box, seen) for (i, j), cost in labelling.costs.items() if near[i] and near[j]}
     return dataclasses.replace(labelling, places=places, allowed=allowed, costs=costs)
+
+
+def window_of_labelling(labelling: Labelling, box: Box, allowed: Sequence[Mask]) -> Labelling:
+    """A window of a canvas as a labelling problem of its own.
+
+    Parameters
+    ----------
+    labelling : Labelling
+    box : Box
+    allowed : sequence of (h, w) bool arrays
+        Per layer, where it is one of those to be chosen from in the window; an empty one for a layer that
+        does not lie there.
+    """
+    canvas = Box(0, 0, *box.shape)
+    places, masks = [], []
+    for place, mask in zip(labelling.places, allowed, strict=True):
+        inside = place.shared(box)
+        here = inside.moved(-box.top, -box.left) if all(inside.shape) else Box(0, 0, 0, 0)
+        places.append(here)
+        masks.append(mask[here.slices])
+    costs: dict[Pair, PairCost] = {
+        pair: _WindowCost(cost, box)
+        for pair, cost in labelling.costs.items()
+        if all(cost.box.grown(-1).shared(box).shape)
+    }
+    return Labelling(canvas, places, masks, costs, labelling.forbidden)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _WindowCost:
+    """The cost of two layers in a window of their canvas, counted from its corner."""
+
+    whole: PairCost
+    window: Box
+
+    @property
+    def box(self) -> Box:
+        """What their places have in common in the window, and one pixel around."""
+        inside = self.whole.box.grown(-1).shared(self.window)
+        return inside.moved(-self.window.top, -self.window.left).grown(1)
+
+    def on(self, box: Box, beside: Mask | None = None) -> tuple[Floats32, Floats32]:
+        """The costs in a box of the window."""
+        return self.whole.on(box.moved(*self.window[:2]), beside)
+
+    def shared(self, box: Box) -> Mask:
+        """(h, w) bool, where both layers have pixels."""
+        return self.whole.shared(box.moved(*self.window[:2]))
+
+    def part(self, box: Box, seen: dict[int, Any]) -> PairCost:
+        """The same cost as far as a box of the window is concerned."""
+        return _WindowCost(self.whole.part(box.moved(*self.window[:2]), seen), self.window)

@@ -1,23 +1,22 @@
 from .expansion_moves import Choices
-from .local_search import find_potentials, refine
-from .multilevel import minimise
+from .local_search import Window, expanded, refine
+from .multilevel import minimise, recut
 from .options import BEST, Effort, SearchOptions, search_options
-from .problem import Problem, Report, State
-from .two_label_band import SeamHeat, band_of, costs_at, write_pixels
+from .problem import Problem
+from .two_label_band import band_of, costs_at, write_pixels
 
 __all__ = [
     "BEST",
     "Choices",
     "Effort",
     "Problem",
-    "Report",
-    "SeamHeat",
     "SearchOptions",
-    "State",
+    "Window",
     "band_of",
     "costs_at",
-    "find_potentials",
+    "expanded",
     "minimise",
+    "recut",
     "refine",
     "search_options",
     "write_pixels",

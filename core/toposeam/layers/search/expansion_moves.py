@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import scipy
 
 from toposeam.arrays import Floats, Indices, Labels, Mask
 from toposeam.images import box_of
-from toposeam.layers.canvas.connected_components import pieces_of
 from toposeam.layers.canvas.layer import Box
 from toposeam.layers.labelling.problem import Labelling
 from toposeam.layers.search.edge_list import EdgeCosts, Edges
@@ -66,31 +66,12 @@ class Choices:
         #: Of a layer the edges of pixels that may show it, and rows and columns that hold these.
         self._nearby: dict[int, tuple[Edges, tuple[slice, slice]]] = {}
 
-    def stacked(self, shows: Sequence[npt.NDArray[np.int16]]) -> Choices:
-        """Several solutions of the same problem, (h w,) each, one below the other, as one."""
-        (height, width), times, count = self.box.shape, len(shows), len(self.layers)
-        result, pixels = copy(self), (height + 1) * width  # a row without pixels keeps them apart
-        result.box, result._nearby = Box(0, 0, times * (height + 1), width), {}
-        stack = np.full((times, pixels), count, np.int16)
-        stack[:, :-width] = shows
-        result.shows = stack.ravel()
-        result.may = np.tile(np.concatenate([self.may, np.zeros((count, width), bool)], axis=1), times)
-        starts = np.arange(times)[:, None] * pixels
-        p, q, column = self.edges
-        result.edges = Edges((p + starts).ravel(), (q + starts).ravel(), np.tile(column, times))
-        return result
-
     def _narrowed(self, within: Mask) -> Choices:
         """The same, of which only some pixels, (h w,) bool, may change: what shows is the same array."""
         result = copy(self)
         result.may, result._nearby = self.may & within, {}
         result.edges = self.edges.some(np.flatnonzero(within[self.edges.p] | within[self.edges.q]))
         return result
-
-    def parts(self, times: int) -> list[npt.NDArray[np.int16]]:
-        """The solutions that are stacked."""
-        each = len(self.shows) // times
-        return [part[: each - self.box.shape[1]].copy() for part in np.split(self.shows, times)]
 
     def total(self, edges: Edges | None = None) -> float:
         """Σ M over the edges, or some of them."""
@@ -144,7 +125,7 @@ class Choices:
         now = shows.reshape(self.box.shape)[window]
         free = self.may[k].reshape(self.box.shape)[window] & (now != k) & (now != len(self.layers))
         piece = np.zeros(len(shows), np.int32)
-        piece.reshape(self.box.shape)[window], _ = pieces_of(free)
+        piece.reshape(self.box.shape)[window], _ = scipy.ndimage.label(free)
         edges = near.some(np.flatnonzero(np.maximum(piece[near.p], piece[near.q])))
         return self._move(piece, edges, shows, np.where(piece > 0, np.int16(k), shows))
 
@@ -175,7 +156,7 @@ class Choices:
         """Take what another solution, (h w,), shows wherever that costs less, in each patch in which they
         differ as a whole.
         """
-        patch, count = pieces_of((self.shows != other).reshape(self.box.shape))
+        patch, count = scipy.ndimage.label((self.shows != other).reshape(self.box.shape))
         patch = patch.ravel()
         at = np.maximum(patch[self.edges.p], patch[self.edges.q])
         own = np.flatnonzero(at > 0)
@@ -216,7 +197,7 @@ class Choices:
             return
         shows, before = self.shows, self.total(edges)
         one, other = (np.where(free, layer, shows) for layer in (one, other))
-        piece = pieces_of(free.reshape(self.box.shape))[0].ravel()
+        piece = scipy.ndimage.label(free.reshape(self.box.shape))[0].ravel()
         turned = self._move(piece, edges, one, other).turned(decide, now=shows == other)
         self.shows = one.copy()
         self.shows[turned] = other[turned]

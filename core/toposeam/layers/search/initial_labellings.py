@@ -1,9 +1,8 @@
 """Expansions from several starts.
 
-The layers lie on top of each other in the order of their places, each time with another one at the bottom. On
-few pixels all starts are stacked and expanded together, because a small network takes longer to build than
-to cut. On more pixels, after one round of each, the cheapest two go on, and the others only if these do not
-end alike. Wherever another end costs less than the cheapest one, it is taken over.
+The layers lie on top of each other in the order of their places, each time with another one at the bottom.
+After one round of each, the cheapest two go on, and the others only if these do not end alike. Wherever
+another end costs less than the cheapest one, it is taken over.
 """
 
 from __future__ import annotations
@@ -45,22 +44,14 @@ def best_of_starts(
     most : int
         Rounds at most.
     options : SearchOptions
-        How many starts there are, and up to how many pixels in all they are expanded together.
+        How many starts there are.
     steps : Progressed
     """
     places = sorted(range(len(boxes)), key=lambda k: boxes[k])
     count = min(len(places), options.starts)
     bottoms = (len(places) * k // count for k in range(count))
     starts = [laid_on_top(allowed, places[k:] + places[:k]) for k in bottoms]
-    if int(choices.several.sum()) * len(starts) <= options.stacked:
-        stack = choices.stacked(starts)
-        number = stack.run(decide, most, places)
-        ends: list[tuple[float, int, Labels]] = []
-        for choices.shows in stack.parts(len(starts)):
-            ends.append((choices.total(), len(ends), choices.shows))
-            steps.one()
-    else:
-        number, ends = _one_by_one(choices, starts, places, decide, most, steps)
+    number, ends = _one_by_one(choices, starts, places, decide, most, steps)
     ends.sort(key=lambda end: end[:2])
     choices.shows = ends[0][2]
     for _, _, other in ends[1:]:

@@ -13,7 +13,7 @@ leads from size to size.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,7 +23,7 @@ from toposeam.heat.threads import one_thread
 from toposeam.layers.canvas.layer import Box
 from toposeam.layers.canvas.tile_map import blocks, dense, new_map, part_of, several
 from toposeam.layers.execution.tasks import on_boxes
-from toposeam.layers.labelling.problem import Labelling, Pair
+from toposeam.layers.labelling.problem import Labelling
 from toposeam.layers.labelling.seam_lines import (
     beside_steps,
     doubled_around,
@@ -34,19 +34,17 @@ from toposeam.layers.labelling.seam_lines import (
 from toposeam.layers.labelling.subproblem import part_of_labelling
 from toposeam.layers.search.expansion_moves import Choices
 from toposeam.layers.search.initial_labellings import best_of_starts, join
-from toposeam.layers.search.problem import Problem, State, Ties
-from toposeam.layers.search.two_label_band import Divided, Division, SeamHeat, divided, write_pixels
+from toposeam.layers.search.problem import Problem, Ties
+from toposeam.layers.search.two_label_band import Division, divided, write_pixels
 from toposeam.seam.cut_solver import CutSolver
 
-#: How far beside seams the label potential is computed, px.
-_SOFT = 4
 #: Rounds of expansions at most in a window.
 _MOST = 100
 
 
-def search(problem: Problem, order: Sequence[int], most: int, ties: bool) -> tuple[State, int]:
-    """The cheapest label map that expansions from several starts end in, with its near ties if they are
-    wanted, and the number of rounds; with `most` 0 the layers are only joined in the given order.
+def search(problem: Problem, order: Sequence[int], most: int, ties: bool) -> tuple[Labels, Ties, int]:
+    """The cheapest label map that expansions from several starts end in, (H, W) int16, its near ties if they
+    are wanted, and the number of rounds; with `most` 0 the layers are only joined in the given order.
     """
     labelling, canvas = problem.labelling, problem.labelling.canvas
     label_map, solver = labelling.on_top(), problem.solver
@@ -62,47 +60,64 @@ def search(problem: Problem, order: Sequence[int], most: int, ties: bool) -> tup
         found = _near_ties(problem, choices) if ties and most else {}
     label_map[:, :] = choices.label_map()
     problem.steps.one()
-    return State(label_map, ties=found), number
+    return label_map, found, number
 
 
 def refine(
-    problem: Problem, state: State, most: int, *, ties: bool = False, everywhere: bool = False
+    problem: Problem,
+    labels: Labels,
+    near: Mask,
+    most: int,
+    *,
+    tied: Ties | None = None,
+    ties: bool = False,
+    everywhere: bool = False,
 ) -> Ties:
-    """Improve a label map among the pixels that may change; its near ties, if they are wanted.
+    """Improve a label map in place among the pixels that may change; its near ties, if they are wanted.
 
     Parameters
     ----------
     problem : Problem
-    state : State
+    labels : (H, W) int16 array
+    near : (H, W) bool array
+        The pixels that may change.
     most : int
         Rounds of expansions at most.
+    tied : mapping, optional
+        Where each layer nearly showed at the next smaller size: there it may show, too.
     ties : bool
         Whether to look for near ties, for the next size.
     everywhere : bool
         Whether to look for them among all pixels, not only those that may change.
     """
-    if state.near is not None and math.prod(state.near.shape) <= problem.search.together:
+    if math.prod(near.shape) <= problem.search.together:
         with one_thread():
-            found = _refine_together(problem, state, most, ties, everywhere)
+            found = _refine_together(problem, labels, near, most, tied or {}, ties, everywhere)
         problem.steps.one()
         return found
-    for _ in _divided(problem, state, potential=False):
-        pass
+    _divide_pairs(problem, labels, near)
     return {}
 
 
-def _refine_together(problem: Problem, state: State, most: int, ties: bool, everywhere: bool) -> Ties:
+def _refine_together(
+    problem: Problem,
+    label_map: Labels,
+    opened: Mask,
+    most: int,
+    tied: Ties,
+    ties: bool,
+    everywhere: bool,
+) -> Ties:
     """One cut of all pixels that two layers may show, and expansions where more may."""
     labelling, options, solver = problem.labelling, problem.search, problem.solver
-    near, labels, count = dense(state.near), dense(state.label_map), len(labelling.places)
+    near, labels, count = dense(opened), dense(label_map), len(labelling.places)
     planes = reached(labels, count, options.band)
     may = []
     for k, plane in enumerate(planes):
         allowed = labelling.allowed_in(k, labelling.canvas)
         plane &= near & allowed
         if not everywhere:
-            tied = k in state.ties
-            allowed = plane | (allowed & doubled_around(state.ties[k], near.shape)) if tied else plane
+            allowed = plane | (allowed & doubled_around(tied[k], near.shape)) if k in tied else plane
         may.append(allowed)
     choices = Choices(labelling, labelling.canvas, labels, may, range(count))
     free = choices.divide_all(solver, planes)
@@ -113,7 +128,7 @@ def _refine_together(problem: Problem, state: State, most: int, ties: bool, ever
         around = square_dilation(tangled, options.tangle).ravel()
         choices.run(solver, min(most, options.cycles), problem.order, within=around)
     found = _near_ties(problem, choices) if ties else {}
-    state.label_map[:, :] = choices.label_map()
+    label_map[:, :] = choices.label_map()
     return found
 
 
@@ -140,84 +155,81 @@ def beside_seams(label_map: Labels, reach: int = 0) -> Mask:
     return wide
 
 
-def find_potentials(problem: Problem, state: State) -> dict[Pair, SeamHeat]:
-    """Gather heat along the seams, for their label potential beside them; other methods have none."""
-    if problem.solver.options is None:
-        return {}
-    near = beside_seams(state.label_map, _SOFT) if state.near is None else state.near
-    divisions = _divided(problem, State(state.label_map, near), potential=True)
-    return {pair: found.heat for pair, found in divisions if found.heat is not None}
-
-
-def _divided(problem: Problem, state: State, *, potential: bool) -> Iterator[tuple[Pair, Divided]]:
-    """Divide all pairs of layers that adjoin anew, those at once that do not touch."""
+def _divide_pairs(problem: Problem, labels: Labels, near: Mask) -> None:
+    """Divide all pairs of layers that adjoin anew, in place, those at once that do not touch."""
     labelling, executor = problem.labelling, problem.executor
-    pairs = [pair for pair in labelling.adjoining(state.label_map) if pair in labelling.costs]
+    pairs = [pair for pair in labelling.adjoining(labels) if pair in labelling.costs]
     boxes = [labelling.costs[pair].box for pair in pairs]
 
     def item(k: int) -> Division:
-        parts = labelling, state.label_map, state.near
+        box, parts = boxes[k].grown(1), (labelling, labels, near)
         if executor is not None:
-            parts = _part(problem, state, boxes[k], pairs[k])
-        return Division(*parts, pairs[k], problem.solver, potential)
+            parts = part_of_labelling(labelling, box, pairs[k]), part_of(labels, box), part_of(near, box)
+        return Division(*parts, pairs[k], problem.solver)
 
-    for k, found in on_boxes(executor, divided, item, boxes):
+    for _, found in on_boxes(executor, divided, item, boxes):
         problem.steps.one()
         if found is not None:
-            write_pixels(state.label_map, *found.pixels, found.values)
-            yield pairs[k], found
+            write_pixels(labels, *found.pixels, found.values)
 
 
-def _part(
-    problem: Problem, state: State, box: Box, pair: Pair | None = None
-) -> tuple[Labelling, Labels, Mask | None]:
-    """A box of the problem, its label map and the pixels that may change, for another process."""
-    box = box.grown(1)
-    near = None if state.near is None else part_of(state.near, box)
-    return part_of_labelling(problem.labelling, box, pair), part_of(state.label_map, box), near
-
-
-def settle(problem: Problem, label_map: Labels) -> None:
+def settle(problem: Problem, labels: Labels) -> None:
     """Expand in windows round all places where three layers meet, in which every pixel may change."""
-    labelling = problem.labelling
-    windows = list(_windows(label_map, problem.search.window))
+    canvas = Box(0, 0, *labels.shape)
+    windows = [window.shared(canvas) for window in junctions(labels, problem.search.window)]
 
-    def item(k: int) -> _Window:
-        parts = labelling, label_map
+    def item(k: int) -> Window:
+        box, parts = windows[k], (problem.labelling, labels)
         if problem.executor is not None:
-            parts = _part(problem, State(label_map), windows[k])[:2]
-        return _Window(*parts, windows[k], problem.solver)
+            parts = part_of_labelling(problem.labelling, box.grown(1)), part_of(labels, box.grown(1))
+        opened = np.zeros(box.shape, bool)
+        opened[1:-1, 1:-1] = True
+        return Window(*parts, box, opened, problem.solver)
 
-    for k, labels in on_boxes(problem.executor, _settled, item, windows):
+    for k, found in on_boxes(problem.executor, expanded, item, windows):
         problem.steps.one()
-        label_map[windows[k].slices] = labels
+        labels[windows[k].slices] = found
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Window:
-    """A window of a canvas, and how it is solved."""
+class Window:
+    """A window of a canvas in which a label map is searched again, and how."""
 
     labelling: Labelling
-    label_map: Labels
+    #: (H, W) int16.
+    labels: Labels
     box: Box
+    #: (h, w) bool: the pixels that may change.
+    opened: Mask
     solver: CutSolver
+    #: (h, w) int16: the layer that must show, -1 where any may.
+    fixed: Labels | None = None
+
+    @property
+    def layers(self) -> list[int]:
+        """The layers that lie on the window, in the order in which they expand."""
+        places = self.labelling.places
+        near = [k for k, place in enumerate(places) if all(place.shared(self.box).shape)]
+        return sorted(near, key=lambda k: places[k])
+
+    @property
+    def start(self) -> Labels:
+        """(h, w) int16: what shows, and where a layer must show, that one."""
+        shown = self.labels[self.box.slices]
+        return shown if self.fixed is None else np.where(self.fixed >= 0, self.fixed, shown)
+
+    def may_show(self, k: int) -> Mask:
+        """(h, w) bool: where a layer may show among the pixels that may change."""
+        free = self.opened if self.fixed is None else self.opened & (self.fixed < 0)
+        allowed: Mask = (self.labelling.allowed_in(k, self.box) | (self.start == k)) & free
+        return allowed
 
 
-def _windows(label_map: Labels, reach: int) -> Iterable[Box]:
-    """Windows round the places where three layers meet; those that run into each other are one."""
-    canvas = Box(0, 0, *label_map.shape)
-    return (window.shared(canvas) for window in junctions(label_map, reach))
-
-
-def _settled(window: _Window) -> Labels:
-    """The labels of a window after expansions, with its rim as it is."""
-    labelling, box = window.labelling, window.box
-    layers = [k for k, place in enumerate(labelling.places) if all(place.shared(box).shape)]
-    layers.sort(key=lambda k: labelling.places[k])
-    open_ = np.zeros(box.shape, bool)
-    open_[1:-1, 1:-1] = True
-    allowed = [labelling.allowed_in(k, box) & open_ for k in layers]
-    choices = Choices(labelling, box, window.label_map[box.slices], allowed, layers)
+def expanded(window: Window) -> Labels:
+    """(h, w) int16: the labels of a window after expansions, from what shows on."""
+    layers = window.layers
+    may = [window.may_show(k) for k in layers]
+    choices = Choices(window.labelling, window.box, window.start, may, layers)
     with one_thread():
         choices.run(window.solver, _MOST)
     return choices.label_map()

@@ -14,29 +14,37 @@ divided once more, and round the places where three layers meet expansions follo
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import time
 from collections.abc import Sequence
 
 import numpy as np
 
-from toposeam.arrays import Labels
-from toposeam.layers.canvas.tile_map import dense
+from toposeam.arrays import Labels, Mask
+from toposeam.images import box_of
+from toposeam.layers.canvas.layer import Box
+from toposeam.layers.canvas.tile_map import blocks, dense, uniform
+from toposeam.layers.execution.progress import Progressed
+from toposeam.layers.labelling.label_map import LabelMap
+from toposeam.layers.labelling.problem import Labelling
+from toposeam.layers.labelling.subproblem import window_of_labelling
 from toposeam.layers.search.cost_coarsening import Tables, enlarged, halved, opened
 from toposeam.layers.search.expansion_moves import Choices
-from toposeam.layers.search.local_search import (
-    beside_seams,
-    find_potentials,
-    refine,
-    search,
-    settle,
-)
-from toposeam.layers.search.problem import Problem, Report, State
+from toposeam.layers.search.local_search import Window, beside_seams, expanded, refine, search, settle
+from toposeam.layers.search.options import FAST, SearchOptions
+from toposeam.layers.search.problem import Problem
 from toposeam.layers.search.two_label_band import write_pixels
+from toposeam.seam.cut_solver import CutSolver
+
+#: Up to this many open pixels of a label map are searched again at full size.
+_EXPANDED_PIXELS = 1 << 17
+#: Rounds of expansions at most where a large part is searched again.
+_ROUNDS = 10
 
 
-def minimise(problem: Problem, order: Sequence[int], most: int, potentials: bool) -> tuple[Labels, Report]:
-    """Search the cheapest label map, (H, W) int16.
+def minimise(problem: Problem, order: Sequence[int], most: int) -> LabelMap:
+    """Search the cheapest label map.
 
     Parameters
     ----------
@@ -45,24 +53,122 @@ def minimise(problem: Problem, order: Sequence[int], most: int, potentials: bool
         The order in which the layers are joined if no rounds are wanted.
     most : int
         Rounds at most; with 0 the layers are only joined one after another.
-    potentials : bool
-        Whether the label potentials beside the seams are wanted.
     """
     started = time.perf_counter()
     labelling, options = problem.labelling, problem.search
     thorough = bool(most) and math.prod(labelling.canvas.shape) <= options.large_canvas
     weights = options.wandering if thorough else options.wandering[:1]
-    label_map, rounds = _from_coarse(problem, order, most, weights[0])
+    labels, rounds = _from_coarse(problem, order, most, weights[0])
     for weight in weights[1:]:
         other, number = _from_coarse(problem, order, most, weight)
         rounds = max(rounds, number)
-        _fuse(problem, label_map, other)
+        _fuse(problem, labels, other)
     if len(weights) > 1:
-        refine(problem, State(label_map, beside_seams(label_map, options.band)), most)
+        refine(problem, labels, beside_seams(labels, options.band), most)
     if options.windows and thorough:
-        settle(problem, label_map)
-    gathered = find_potentials(problem, State(label_map)) if potentials else {}
-    return label_map, Report(problem, rounds, time.perf_counter() - started, gathered)
+        settle(problem, labels)
+    return _found(problem, labels, rounds, started)
+
+
+def recut(
+    labelling: Labelling,
+    label_map: LabelMap,
+    opened: Mask,
+    fixed: Labels | None = None,
+    *,
+    solver: CutSolver | None = None,
+    search: SearchOptions = FAST,
+) -> LabelMap:
+    """Search a part of a label map again, everything else staying as it is.
+
+    Small parts are expanded at full size from what shows. Large ones are searched from coarse to fine in a
+    window round them, and taken over where that is cheaper.
+
+    Parameters
+    ----------
+    labelling : Labelling
+        Of the whole canvas.
+    label_map : LabelMap
+    opened : (H, W) bool array
+        The pixels that may change.
+    fixed : (H, W) int16 array, optional
+        The layer that must show, -1 where any may; counts among the open pixels only. A layer must have
+        pixels where it is to show.
+    solver : CutSolver, optional
+        Decides moves; minimum cuts by the engine that is fastest for their size by default.
+    search : SearchOptions, optional
+
+    Returns
+    -------
+    LabelMap
+        The given one, where nothing is open.
+
+    Examples
+    --------
+    >>> import toposeam as ts
+    >>> a, b = np.random.default_rng(0).random((2, 20, 60))
+    >>> joined = ts.stitch(ts.layers.overlapping(a, b, overlap=40))
+    >>> fixed = np.full(joined.shape, -1, np.int16)
+    >>> fixed[8:12, 38:42] = 0 if joined.label_map[10, 40] else 1  # the other one
+    >>> again = ts.layers.recut(joined.labelling, joined.solution, np.ones(joined.shape, bool), fixed)
+    >>> bool((again.labels[8:12, 38:42] == fixed[8:12, 38:42]).all())
+    True
+    """
+    started = time.perf_counter()
+    box = _box_round(opened)
+    if box is None:
+        return label_map
+    solver = CutSolver.of("auto", {}, labelling.forbidden) if solver is None else solver
+    problem = Problem(labelling, solver, search, None, Progressed(None))
+    inside = np.asarray(opened[box.slices])
+    wanted = None if fixed is None else np.where(inside, np.asarray(fixed[box.slices]), np.int16(-1))
+    window = Window(labelling, label_map.labels, box, inside, solver, wanted)
+    if np.count_nonzero(inside) <= _EXPANDED_PIXELS or min(box.shape) < 4 * search.shortest:
+        found = expanded(window)
+    else:
+        found = _from_coarse_in(window, problem)
+    labels = label_map.labels.copy()
+    labels[box.slices] = found
+    return _found(problem, labels, label_map.rounds, started - label_map.seconds)
+
+
+def _found(problem: Problem, labels: Labels, rounds: int, started: float) -> LabelMap:
+    """Return the labels with how they were found since a time."""
+    method, settings = problem.engine
+    seconds = time.perf_counter() - started
+    return LabelMap(labels=labels, method=method, settings=settings, rounds=rounds, seconds=seconds)
+
+
+def _box_round(opened: Mask) -> Box | None:
+    """The smallest box with all True pixels of a mask, and a pixel more on each side on the canvas."""
+    canvas, found = Box(0, 0, *opened.shape), None
+    for block in blocks(canvas):
+        inside = opened[block.slices] if uniform(opened, block) is not np.False_ else None
+        if inside is not None and inside.any():
+            rows, columns = box_of(inside)
+            own = Box(rows.start, columns.start, rows.stop, columns.stop).moved(*block[:2])
+            found = own if found is None else found.around(own)
+    return None if found is None else found.grown(1).shared(canvas)
+
+
+def _from_coarse_in(window: Window, problem: Problem) -> Labels:
+    """(h, w) int16 labels of a window, searched from coarse to fine, or those it starts from, if cheaper."""
+    labelling = window_of_labelling(window.labelling, window.box, _allowed_in(window))
+    part = dataclasses.replace(problem, labelling=labelling, executor=None)
+    start = window.start
+    found, _ = _from_coarse(part, part.order, _ROUNDS, problem.search.wandering[0])
+    found = np.where(window.opened, dense(found), start)
+    box = labelling.canvas
+    return found if labelling.total(found, box) <= labelling.total(start, box) else start
+
+
+def _allowed_in(window: Window) -> list[Mask]:
+    """(h, w) bool of each layer of the canvas: where it may show in a window, or shows and must stay."""
+    start = window.start
+    return [
+        window.may_show(k) | (start == k) if all(place.shared(window.box).shape) else np.zeros((0, 0), bool)
+        for k, place in enumerate(window.labelling.places)
+    ]
 
 
 def _from_coarse(problem: Problem, order: Sequence[int], most: int, wandering: float) -> tuple[Labels, int]:
@@ -76,16 +182,15 @@ def _from_coarse(problem: Problem, order: Sequence[int], most: int, wandering: f
         return len(levels) == 1 or (len(levels) > 1 and not small)
 
     level = levels.pop()
-    state, number = search(level, order, most, ties=tied())
-    label_map, ties = state.label_map, state.ties
+    label_map, ties, number = search(level, order, most, ties=tied())
     while levels:
         level = levels.pop()
         near, finer = beside_seams(label_map), level.labelling
         for rows, columns in ties.values():
             write_pixels(near, rows, columns, np.ones(len(rows), bool))
         label_map = enlarged(label_map, finer)
-        state = State(label_map, opened(near, finer), ties)
-        ties = refine(level, state, most, ties=tied(), everywhere=small and len(levels) == 1)
+        every = small and len(levels) == 1
+        ties = refine(level, label_map, opened(near, finer), most, tied=ties, ties=tied(), everywhere=every)
     return label_map, number
 
 

@@ -36,10 +36,8 @@ class SearchOptions:
     coarsest_large: int = 10_000
     small: int = 1 << 16
     shortest: int = 32
-    #: The number of orders of the layers from which expansions start. Those of up to `stacked` pixels in all
-    #: are expanded at once.
+    #: The number of orders of the layers from which expansions start.
     starts: int = 6
-    stacked: int = 30_000
     #: At reduced sizes it is noted where each layer would show if the present seams cost more by the share
     #: `dearer`: there it may show at the next size. With at most so many pixels at half the size that is
     #: asked of all of them, else of those that may change.

@@ -1,18 +1,17 @@
-"""The search for a label map: its problem at one size, its state, and what is reported of it."""
+"""The search for a label map: its problem at one size, and how it is solved."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
-from toposeam.arrays import Labels, Mask
 from toposeam.layers.execution.progress import Progressed
 from toposeam.layers.execution.tasks import Executor
-from toposeam.layers.labelling.problem import Labelling, Pair
+from toposeam.layers.labelling.problem import Labelling
 from toposeam.layers.search.options import SearchOptions
-from toposeam.layers.search.two_label_band import Pixels, SeamHeat
+from toposeam.layers.search.two_label_band import Pixels
 from toposeam.seam.cut_solver import CutSolver
 from toposeam.seam.find import Method
 
@@ -50,37 +49,17 @@ class Problem:
         return dataclasses.replace(self, labelling=labelling, solver=self.solver.rougher(self.search.rough))
 
     @property
+    def engine(self) -> tuple[str, dict[str, Any]]:
+        """The name of what decides moves, and its options; expansions are maximum flows where no method is
+        named.
+        """
+        solver = self.solver
+        if solver.method == "auto":
+            return "graph-cut", {}
+        return solver.method, {} if solver.options is None else dataclasses.asdict(solver.options)
+
+    @property
     def order(self) -> list[int]:
         """The layers in the order of their places, in which they expand."""
         places = self.labelling.places
         return sorted(range(len(places)), key=lambda k: places[k])
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class State:
-    """A label map that is improved in place."""
-
-    #: (H, W) int16.
-    label_map: Labels
-    #: (H, W) bool: the pixels that may change; None for all.
-    near: Mask | None = None
-    #: Where each layer nearly shows.
-    ties: Ties = field(default_factory=dict)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Report:
-    """How the seams of a label map were found."""
-
-    problem: Problem
-    #: Rounds of expansions, and seconds of the whole search.
-    rounds: int
-    seconds: float
-    #: Of pairs whose label potential is known.
-    gathered: Mapping[Pair, SeamHeat] = field(default_factory=dict)
-
-    @property
-    def settings(self) -> dict[str, Any]:
-        """The options of the method; `auto` has none."""
-        solver = self.problem.solver
-        return {} if solver.method == "auto" or solver.options is None else dataclasses.asdict(solver.options)

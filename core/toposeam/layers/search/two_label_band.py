@@ -22,14 +22,11 @@ from toposeam.heat.threads import one_thread
 from toposeam.layers.canvas.layer import Box, cut
 from toposeam.layers.canvas.tile_map import TILE, uniform
 from toposeam.layers.labelling.problem import Labelling, Pair, PairCost
-from toposeam.optimize.history import Iteration, Termination
 from toposeam.seam.cut_solver import CutSolver
 from toposeam.seam.exact.expansion import LEAST_GAIN, BinaryCut
 
 #: Rows and columns of pixels of the canvas.
 Pixels = tuple[Indices, Indices]
-#: Rows and columns of pixels of the canvas, and their label potential.
-Potential = tuple[Indices, Indices, npt.NDArray[np.float32]]
 
 #: Side of the tiles in which costs are looked at, px.
 _TILE = 192
@@ -144,18 +141,6 @@ class Division:
     near: Mask | None
     pair: Pair
     solver: CutSolver
-    #: Whether the label potential is wanted.
-    potential: bool
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class SeamHeat:
-    """How heat gathered along a seam."""
-
-    #: The label potential of the pixels beside it.
-    potential: Potential
-    history: tuple[Iteration, ...]
-    termination: Termination
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -165,8 +150,6 @@ class Divided:
     #: Pixels that change, and the layers that show there from now on.
     pixels: Pixels
     values: npt.NDArray[np.int16]
-    #: Where the label potential is wanted.
-    heat: SeamHeat | None
 
 
 def divided(division: Division) -> Divided | None:
@@ -175,23 +158,13 @@ def divided(division: Division) -> Divided | None:
     band = band_of(division.labelling, division.label_map, pair, division.near)
     if band is None:
         return None
-    heat = None
     with one_thread():
-        if division.potential:
-            network, cost, chosen = band.cut.network()
-            found = division.solver.heat(network, cost)
-            second = band.cut.hot(chosen, found.hot[:-2], band.second)
-            soft = second.astype(np.float32)
-            soft[chosen] = np.clip(found.soft[:-2], 0.0, 1.0)
-            heat = SeamHeat((band.rows, band.columns, soft), found.history, found.termination)
-        else:
-            second = band.cut.solve(division.solver, band.second)
+        second = band.cut.solve(division.solver, band.second)
     gains = band.total(second) < band.total(band.second) * (1 - LEAST_GAIN)
     changed = np.flatnonzero(second != band.second) if gains else np.zeros(0, np.intp)
     return Divided(
         pixels=(band.rows[changed], band.columns[changed]),
         values=np.where(second[changed], np.int16(pair[1]), np.int16(pair[0])),
-        heat=heat,
     )
 
 

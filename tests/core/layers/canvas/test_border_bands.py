@@ -83,9 +83,7 @@ def test_allowed_pixels_by_rims_equal_those_of_a_full_scan(monkeypatch, tiles):
 
     def allowed():
         layers = pictures(np.random.default_rng(2))
-        canvas = common_canvas(layers, max_megapixels=10)
-        places = [canvas.place(layer) for layer in layers]
-        labelling = posing.pose_labelling(layers, canvas, posing.exclusive_covers(layers, places, canvas))
+        labelling = posing.pose_labelling(common_canvas(layers, max_megapixels=10))
         found = [dense(mask) for mask in labelling.allowed]
         for _ in range(3):
             labelling = reduction.halved(labelling, 0.6)

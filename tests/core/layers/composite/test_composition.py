@@ -8,8 +8,8 @@ from skimage import data
 import toposeam as ts
 from toposeam.layers.canvas import Box, TileMap, new_map, several, uniform
 from toposeam.layers.canvas import tile_map as maps
-from toposeam.layers.composite import composition
-from toposeam.layers.composite import composition_seams as made
+from toposeam.layers.composite import painter
+from toposeam.layers.composite import seams as made
 from toposeam.layers.labelling import pair_cost
 from toposeam.layers.search import cost_coarsening as reduction
 
@@ -97,8 +97,8 @@ def test_composing_by_windows_equals_stitching_at_once(blend, alpha, sparse):
         usual.setattr(maps, "DENSE_PIXELS", 1 << 22)
         whole = ts.stitch(layers(alpha=alpha), blend=blend, match_tones=True)
     given = layers(alpha=alpha, windows=True)
-    composed = ts.layers.compose(given, blend=blend, match_tones=True)
-    assert isinstance(composed._placed.label_map, TileMap)
+    composed = ts.stitch(given, blend=blend, match_tones=True)
+    assert isinstance(composed.solution.labels, TileMap)
     height, width = composed.shape
     for top in range(0, height, 130):
         rows = slice(top, min(top + 130, height))
@@ -110,20 +110,19 @@ def test_composing_by_windows_equals_stitching_at_once(blend, alpha, sparse):
             if whole.alpha is not None:
                 np.testing.assert_array_equal(opacity, whole.alpha[rows, columns])
     assert composed.pairs == whole.pairs
-    for (pair, seam), known in zip(composed.seams(), whole.seams, strict=True):
-        assert pair in whole.pairs
+    for seam, known in zip(composed.seams, whole.seams, strict=True):
         assert seam.cost == pytest.approx(known.cost)
         np.testing.assert_array_equal(seam.labels, known.labels)
 
 
 @pytest.mark.parametrize("count", [2, 4])
 def test_no_layer_is_read_as_a_whole(count, sparse, monkeypatch):
-    monkeypatch.setattr(composition, "BLOCK", 64)
+    monkeypatch.setattr(painter, "BLOCK", 64)
     monkeypatch.setattr(pair_cost, "_BLOCK_PIXELS", 2000)
     monkeypatch.setattr(reduction, "_ROWS", 8)
     monkeypatch.setattr(reduction, "_WANTED_ROWS", 8)
     given = layers(count, windows=True)
-    composed = ts.layers.compose(given, blend="multiband", blend_width=8)
+    composed = ts.stitch(given, blend="multiband", blend_width=8)
     composed.window(slice(0, 64), slice(0, 64))
     assert all(layer.image.most < 0.75 * 140 * 160 for layer in given)
 
@@ -142,33 +141,34 @@ def test_two_layers_are_decided_where_both_are():
 
 
 @pytest.mark.parametrize("alpha", [False, True])
-def test_totals_are_those_of_the_seams_without_making_them(alpha):
-    composed = ts.layers.compose(layers(4, alpha=alpha))
-    seams = dict(composed.seams())
-    totals = composed.totals()
+def test_figures_are_those_of_the_seams_without_making_them(alpha):
+    composed = ts.stitch(layers(4, alpha=alpha))
+    seams = dict(zip(composed.pairs, composed.seams, strict=True))
+    figures = composed.figures()
     assert len(seams) > 2
-    assert totals.cost == pytest.approx(sum(seam.cost for seam in seams.values()), rel=1e-6)
-    assert totals.length == sum(seam.length for seam in seams.values())
-    engines = {seam.method for seam in seams.values()}
-    assert engines <= {"shortest-path", "graph-cut", "heat"}
-    assert totals.method == " and ".join(sorted(engines))
-    assert totals.seconds == pytest.approx(sum(seam.seconds for seam in seams.values()))
+    assert set(figures) == set(seams)
+    for pair, seam in seams.items():
+        assert figures[pair].cost == pytest.approx(seam.cost, rel=1e-6)
+        assert figures[pair].length == seam.length
+        assert figures[pair].verdict.worst == pytest.approx(seam.verdict.worst, rel=1e-6)
+        assert seam.method == composed.solution.method == "graph-cut"
+    assert composed.solution.seconds == pytest.approx(sum(seam.seconds for seam in seams.values()))
 
 
-def test_checked_seams_are_not_measured_again_for_totals(monkeypatch):
+def test_checked_seams_are_not_measured_again_for_figures(monkeypatch):
     measured, usual = [], made._measured
     monkeypatch.setattr(made, "_measured", lambda item: measured.append(item.pair) or usual(item))
     given = layers(4)
-    avoid = np.zeros(ts.layers.compose(given).shape, bool)
+    avoid = np.zeros(ts.stitch(given).shape, bool)
     avoid[20:30, 20:30] = True
     measured.clear()
-    composed = ts.layers.compose(given, avoid=avoid)
-    assert composed.totals().cost > 0
+    composed = ts.stitch(given, avoid=avoid)
+    assert composed.cost > 0
     assert sorted(measured) == sorted(set(composed.pairs))
 
 
-def test_totals_of_two_layers_are_those_of_their_seam():
+def test_figures_of_two_layers_are_those_of_their_seam():
     a, b = np.random.default_rng(0).random((2, 30, 40))
-    composed = ts.layers.compose(ts.layers.overlapping(a, b, overlap=10))
-    ((_, seam),) = composed.seams()
-    assert (composed.totals().cost, composed.totals().length) == (seam.cost, seam.length)
+    composed = ts.stitch(ts.layers.overlapping(a, b, overlap=10))
+    (seam,) = composed.seams
+    assert (composed.cost, composed.figures()[0, 1].length) == (seam.cost, seam.length)

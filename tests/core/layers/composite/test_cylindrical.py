@@ -5,8 +5,8 @@ import pytest
 from scipy import ndimage
 
 import toposeam as ts
-from toposeam.layers.composite import shown_as
-from toposeam.layers.composite.cylindrical import Turned, best_cut, turned
+from toposeam.layers.canvas.cylinder import Turned, turned
+from toposeam.layers.composite import composed_of_masks
 
 PERIOD = 360
 
@@ -54,7 +54,7 @@ def test_columns_of_what_goes_round(start):
 def test_layers_across_the_edge_are_narrow_after_another_cut():
     layers = views(panorama(np.random.default_rng(0)))
     assert [layer.image.shape[1] for layer in layers] == [130, 130, 130, 360]
-    cut, beside = best_cut(layers, PERIOD)
+    cut, beside = ts.layers.common_canvas(layers, wrap=PERIOD).sparsest_column()
     assert beside == 1
     columns = [(np.arange(x, x + 130) % PERIOD).tolist() for x in (20, 110, 200, 290)]
     assert sum(cut in one for one in columns) == 1
@@ -150,7 +150,7 @@ def test_blends_go_on_over_the_edge(blend, turn):
 def test_masks_say_what_shows_on_a_round_canvas(blend):
     layers = views(panorama(np.random.default_rng(6)), gains=[1, 1.1, 1, 0.9])
     found = ts.stitch(layers, wrap=PERIOD, blend=blend)
-    again = shown_as(layers, found.masks, found.label_map.shape, blend=blend, wrap=PERIOD)
+    again = composed_of_masks(layers, found.masks, found.label_map.shape, blend=blend, wrap=PERIOD)
     image, alpha = again.window(slice(None), slice(None))
     np.testing.assert_array_equal(again.labels(slice(None), slice(None)), found.label_map)
     np.testing.assert_array_equal(image, found.image)

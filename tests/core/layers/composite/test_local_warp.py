@@ -155,8 +155,9 @@ def test_what_crosses_a_seam_goes_on_all_the_way_round(start):
 
 def test_pictures_whose_places_were_found_go_round_bent_or_not(monkeypatch):
     found = SimpleNamespace(layers=ring(150), wrap=PERIOD, left_out={})
-    monkeypatch.setattr("toposeam.layers.composite.compose.find_places", lambda pictures, executor: found)
-    composed = ts.layers.compose([layer.image for layer in found.layers], give=6)
+    target = "toposeam.layers.registration.find_places.find_places"
+    monkeypatch.setattr(target, lambda pictures, executor: found)
+    composed = ts.stitch([layer.image for layer in found.layers], give=6)
     assert composed.bent > 2
     assert composed.period == PERIOD
 

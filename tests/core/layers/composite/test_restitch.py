@@ -26,7 +26,8 @@ def test_one_pair_is_divided_and_the_rest_stays(layers):
     assert (after.masks[0].sum(axis=1) == 41).all()
     np.testing.assert_array_equal(after.masks[2], before.masks[2])
     np.testing.assert_array_equal(sum(mask.astype(int) for mask in after.masks), 1)
-    assert after.pairs == ((0, 1),)
+    assert after.pairs == before.pairs
+    assert [seam.method for seam in after.seams] == ["path", "masks"]
     assert after.origin == (-10, 5)
     np.testing.assert_array_equal(after.seams[0].paths[0].points, [[41, 40], [41, 0]])
 

@@ -52,8 +52,8 @@ def test_a_layer_across_the_joint_of_two_shows_only_with_a_core(place):
     patch = ts.Layer(np.ascontiguousarray(layers[0].image[30:5:-1, 34:8:-1]), at=(22, 6), name="patch")
     layers.insert(place, patch)
     assert ts.stitch(layers).hidden == (place,)
-    assert ts.layers.compose(layers).hidden == (place,)
-    for composed in (ts.layers.compose(layers, core=0.5), ts.stitch(layers, core=0.5)):
+    assert ts.stitch(layers).hidden == (place,)
+    for composed in (ts.stitch(layers, core=0.5), ts.stitch(layers, core=0.5)):
         assert composed.hidden == ()
     assert ts.stitch(layers, core=0.5).masks[place][18, 35]
     assert_whole(ts.stitch(layers, core=0.5), layers)
@@ -356,13 +356,12 @@ def test_options_are_named_and_do_not_change():
         ts.layers.StitchOptions("heat")
 
 
-@pytest.mark.parametrize("join", [ts.stitch, ts.layers.compose])
-def test_a_misspelt_option_is_refused_with_those_there_are(join):
+def test_a_misspelt_option_is_refused_with_those_there_are():
     layers = [crop(0, 0), crop(25, 0)]
     with pytest.raises(ts.OptionError, match="does not know tolerence; its options are tolerance"):
-        join(layers, tolerence=3)
+        ts.stitch(layers, tolerence=3)
     with pytest.raises(ts.OptionError, match="method dp takes no options, but tolerence was given"):
-        join(layers, method="dp", tolerence=3)
+        ts.stitch(layers, method="dp", tolerence=3)
 
 
 @pytest.mark.parametrize(
@@ -392,7 +391,7 @@ def test_options_are_refused_before_there_are_layers(options, phrase):
 
 def test_results_are_one_line_and_show_themselves(tmp_path):
     stitched = ts.stitch([crop(0, 0), crop(25, 0)])
-    assert repr(stitched).startswith("Stitched(2 layers, ")
+    assert repr(stitched).startswith("Composition(2 layers, ")
     assert "\n" not in repr(stitched)
     shown = np.asarray(PIL.Image.open(io.BytesIO(stitched._repr_png_())))
     assert shown.shape[:2] == stitched.image.shape[:2]

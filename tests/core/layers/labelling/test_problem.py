@@ -11,7 +11,7 @@ from skimage import data
 import toposeam as ts
 from toposeam.layers.canvas import Box, extent_of
 from toposeam.layers.canvas import tile_map as maps
-from toposeam.layers.labelling import Labelling, TableCost, exclusive_covers, meets, pair_cost, pose_labelling
+from toposeam.layers.labelling import Labelling, TableCost, meets, pair_cost, pose_labelling
 from toposeam.layers.search import SearchOptions
 from toposeam.layers.search import cost_coarsening as reduction
 from toposeam.layers.search.local_search import beside_seams
@@ -19,9 +19,7 @@ from toposeam.seam.problem import STEP, Reach
 
 
 def posed(layers, **options):
-    canvas = extent_of(layers)
-    covers = exclusive_covers(layers, [canvas.place(layer) for layer in layers], canvas)
-    return pose_labelling(layers, canvas, covers, **options)
+    return pose_labelling(extent_of(layers), **options)
 
 
 def reduced(labelling, wandering=0.6):
@@ -94,13 +92,13 @@ def test_what_a_layer_keeps_no_other_one_may_show():
         kept[k] &= covers[k] & ~kept[:k].any(axis=0)
         layers[k] = dataclasses.replace(layer, keep=kept[k][canvas.place(layer).slices])
     places = [canvas.place(layer) for layer in layers]
-    for k, found in enumerate(exclusive_covers(layers, places, canvas)):
+    for k, found in enumerate(extent_of(layers).covers):
         others = np.delete(kept, k, 0).any(axis=0)
         np.testing.assert_array_equal(found, (covers[k] & ~others)[places[k].slices])
     both = dataclasses.replace(layers[2], keep=layers[2].covered)
     count = np.count_nonzero((kept[0] | kept[1]) & covers[2])
     with pytest.raises(ts.OptionError, match=f"1 and 2 are both to be kept at {count} pixels"):
-        exclusive_covers([*layers[:2], both], places, canvas)
+        extent_of([*layers[:2], both]).covers  # noqa: B018
 
 
 @pytest.mark.parametrize("gap", [-1, 0, 1])

@@ -13,7 +13,6 @@ from toposeam.layers.canvas import Box
 from toposeam.layers.labelling import (
     Labelling,
     TableCost,
-    exclusive_covers,
     pose_labelling,
     reached,
     square_dilation,
@@ -37,9 +36,7 @@ def four(seed=0):
     for x, y in ((0, 0), (30, 4), (6, 28), (33, 30)):
         crop = photograph[y : y + 50, x : x + 60].astype(int) + rng.integers(-25, 26, (50, 60, 3))
         layers.append(ts.Layer(np.clip(crop, 0, 255).astype(np.uint8), at=(x, y), name=f"{x},{y}"))
-    canvas = ts.layers.common_canvas(layers)
-    covers = exclusive_covers(layers, [canvas.place(layer) for layer in layers], canvas)
-    return pose_labelling(layers, canvas, covers)
+    return pose_labelling(ts.layers.common_canvas(layers))
 
 
 def choices_of(labelling, label_map, box=None):
@@ -270,35 +267,6 @@ def test_layers_reach_as_far_however_many_there_are(count):
     label_map = rng.integers(-1, count, (20, 30)).astype(np.int16)
     for k, near in enumerate(reached(label_map, count, 2)):
         assert np.array_equal(near, square_dilation(label_map == k, 2))
-
-
-def test_stacked_solutions_end_as_each_does_alone():
-    labelling = four()
-    choices = choices_of(labelling, labelling.on_top())
-    count = len(labelling.places)
-    covers = [labelling.allowed_in(k, labelling.canvas).ravel() for k in range(count)]
-    starts = []
-    for order in itertools.islice(itertools.permutations(range(count)), 0, 24, 5):
-        shows = np.full(len(choices.shows), count, np.int16)
-        for k in order:
-            shows[covers[k]] = k
-        starts.append(shows)
-    asked = []
-
-    def counted(network, cost):
-        asked.append(network.n)
-        return by_flow(network, cost)
-
-    stack = choices.stacked(starts)
-    assert stack.total() == pytest.approx(sum(total_of(choices, shows) for shows in starts))
-    stack.run(counted, 10)
-    ends, together = stack.parts(len(starts)), len(asked)
-    for start, end in zip(starts, ends, strict=True):
-        alone = choices_of(labelling, labelling.on_top())
-        alone.shows = start.copy()
-        alone.run(counted, 10)
-        np.testing.assert_array_equal(end, alone.shows)
-    assert together < (len(asked) - together) / 2
 
 
 def total_of(choices, shows):

@@ -1,5 +1,6 @@
 """Many layers: total cost against α-expansion, and what holds of every labelling."""
 
+import dataclasses
 import itertools
 from concurrent.futures import ThreadPoolExecutor
 
@@ -11,17 +12,18 @@ from hypothesis import strategies as st
 from skimage import data
 
 import toposeam as ts
-from toposeam.layers.blending import reach_of
+from toposeam.layers.blending import blending_of
 from toposeam.layers.canvas import Box
-from toposeam.layers.composite.composition_seams import Made
-from toposeam.layers.labelling import beside_steps, exclusive_covers, junctions, pose_labelling
+from toposeam.layers.composite.seams import SeamsOfMap
+from toposeam.layers.labelling import beside_steps, junctions, pose_labelling
 from toposeam.layers.search import (
     BEST,
     Choices,
     Problem,
     SearchOptions,
-    State,
     minimise,
+    multilevel,
+    recut,
     refine,
     search_options,
 )
@@ -57,9 +59,7 @@ def pile(seed, alike):
 
 
 def labelling_of(layers, match=None):
-    canvas = ts.layers.common_canvas(layers)
-    covers = exclusive_covers(layers, [canvas.place(layer) for layer in layers], canvas)
-    return pose_labelling(layers, canvas, covers, match=match)
+    return pose_labelling(ts.layers.common_canvas(layers), match=match)
 
 
 def label_map_of(stitched):
@@ -104,9 +104,10 @@ def test_best_costs_no_more_than_fast_and_is_a_local_optimum(seed):
     labelling = labelling_of(pile(seed, alike=True), ts.seam.MatchCost(law="gradient"))
     totals = {}
     for search in (FAST, BEST):
-        found, report = minimise(problem_of(labelling, search), range(len(labelling.places)), 20, False)
+        label_map = minimise(problem_of(labelling, search), range(len(labelling.places)), 20)
+        found = label_map.labels
         totals[search] = labelling.total(found, labelling.canvas)
-        assert 1 <= report.rounds <= 20
+        assert 1 <= label_map.rounds <= 20
     assert totals[BEST] <= totals[FAST]
     before = found.copy()
     settle(problem_of(labelling, BEST), found)
@@ -122,7 +123,7 @@ def test_only_what_is_searched_in_rounds_and_small_is_settled(most, large, settl
     for windows in (False, True):
         search = SearchOptions(windows=windows, large_canvas=large)
         order = range(len(labelling.places))
-        found.append(minimise(problem_of(labelling, search), order, most, False)[0])
+        found.append(minimise(problem_of(labelling, search), order, most).labels)
     assert (found[0] != found[1]).any() == settled
 
 
@@ -175,7 +176,7 @@ def test_a_search_from_a_few_pixels_on_ends_about_as_cheap():
     totals = []
     for coarsest in (1 << 16, 300, 100):  # one size, three and four
         problem = problem_of(labelling, SearchOptions(coarsest=coarsest, shortest=4))
-        found, _ = minimise(problem, range(len(labelling.places)), 20, False)
+        found = minimise(problem, range(len(labelling.places)), 20).labels
         totals.append(labelling.total(found, labelling.canvas))
     assert max(totals) <= 1.05 * totals[0]
 
@@ -227,7 +228,7 @@ def test_no_hole_no_double_cover_no_pixel_unassigned(rectangles, holes, blend):
     assert not stitched.image[~covered].any()
     alpha = np.full(covered.shape, 255) if stitched.alpha is None else stitched.alpha
     np.testing.assert_array_equal(alpha > 0, covered)
-    reach = reach_of(blend, None)
+    reach = blending_of(blend).reach
     if len(layers) == 2 and reach:
         return  # their window is that of the overlap, cells lie elsewhere
     total = labelling_of(layers, ts.seam.MatchCost(reach=reach)).total(
@@ -348,18 +349,18 @@ def test_excluded_pixels_blocking_a_seam_of_many_are_refused():
     avoid = np.zeros((60, 130), bool)
     avoid[28:32] = True
     with pytest.raises(ts.OverlapError, match="no seam avoids the pixels you excluded"):
-        ts.layers.compose(layers, avoid=avoid)
+        ts.stitch(layers, avoid=avoid)
 
 
 def test_seams_of_many_are_made_once_when_they_are_asked_for(monkeypatch):
     asked = []
-    made = Made.__call__
+    made = SeamsOfMap.seam
 
-    def counted(self, pair, beside):
+    def counted(self, pair, beside=False):
         asked.append(pair)
         return made(self, pair, beside)
 
-    monkeypatch.setattr(Made, "__call__", counted)
+    monkeypatch.setattr(SeamsOfMap, "seam", counted)
     stitched = ts.stitch(three(), blend="multiband")
     assert not asked
     assert len(stitched.seams) == len(stitched.pairs) > 1
@@ -391,17 +392,65 @@ def test_beside_steps_marks_both_pixels_of_a_differing_pair():
         assert found.sum() == 3 * 4
 
 
-def test_potentials_are_gathered_at_every_seam_on_request():
-    labelling = labelling_of(pile(1, alike=True))
-    for wanted in (True, False):
-        found, report = minimise(problem_of(labelling), range(len(labelling.places)), 3, wanted)
-        pairs = {pair for pair in labelling.adjoining(found) if pair in labelling.costs}
-        assert set(report.gathered) == (pairs if wanted else set())
-        for (_, second), heat in report.gathered.items():
-            rows, columns, soft = heat.potential
-            shown = found[rows, columns] == second
-            assert 0 <= soft.min() <= soft.max() <= 1
-            assert soft[shown].mean() > soft[~shown].mean() + 0.5
+def test_label_potentials_of_many_layers_part_them_at_every_seam():
+    joined = ts.stitch(pile(1, alike=True))
+    for (_, second), seam in zip(joined.pairs, joined.seams, strict=True):
+        beside = beside_steps(joined.label_map == second) & seam.labels
+        assert 0 <= seam.soft.min() <= seam.soft.max() <= 1
+        assert seam.soft[beside].mean() > 0.5
+
+
+def opened_in(shape, *box):
+    opened = np.zeros(shape, bool)
+    opened[Box(*box).slices] = True
+    return opened
+
+
+@pytest.mark.parametrize("small", [True, False])
+def test_a_part_is_searched_again_and_the_rest_stays(small, monkeypatch):
+    monkeypatch.setattr(multilevel, "_EXPANDED_PIXELS", 10**6 if small else 0)
+    labelling = labelling_of(pile(3, alike=True))
+    found = minimise(problem_of(labelling), range(len(labelling.places)), 20)
+    worse = labelling.on_top()
+    opened = opened_in(worse.shape, 20, 30, worse.shape[0] - 20, worse.shape[1] - 30)
+    worse[~opened] = found.labels[~opened]
+    search = SearchOptions(shortest=8, coarsest=500)
+    again = recut(labelling, dataclasses.replace(found, labels=worse), opened, search=search)
+    np.testing.assert_array_equal(again.labels[~opened], found.labels[~opened])
+    best, before, after = (
+        labelling.total(one, labelling.canvas) for one in (found.labels, worse, again.labels)
+    )
+    assert after < 0.9 * before
+    assert after <= 1.05 * best
+
+
+@pytest.mark.parametrize("small", [True, False])
+def test_fixed_layers_show_and_seams_go_round_them(small, monkeypatch):
+    monkeypatch.setattr(multilevel, "_EXPANDED_PIXELS", 10**6 if small else 0)
+    labelling = labelling_of(pile(3, alike=True))
+    found = minimise(problem_of(labelling), range(len(labelling.places)), 20)
+    fixed = np.full(found.labels.shape, -1, np.int16)
+    for k in range(len(labelling.places)):  # each layer, where another one shows
+        others = labelling_covers(labelling, k, fixed.shape) & (found.labels != k)
+        rows, columns = np.nonzero(others)
+        fixed[rows[len(rows) // 2], columns[len(rows) // 2]] = k
+    again = recut(labelling, found, np.ones(fixed.shape, bool), fixed, search=SearchOptions(shortest=8))
+    assert (again.labels[fixed >= 0] == fixed[fixed >= 0]).all()
+    stamped = np.where(fixed >= 0, fixed, found.labels)
+    assert labelling.total(again.labels, labelling.canvas) <= labelling.total(stamped, labelling.canvas)
+
+
+def labelling_covers(labelling, index, shape):
+    covers = np.zeros(shape, bool)
+    place = labelling.places[index]
+    covers[place.slices] = labelling.allowed[index][:, :]
+    return covers
+
+
+def test_where_nothing_is_open_nothing_is_searched():
+    labelling = labelling_of(three())
+    found = minimise(problem_of(labelling), range(3), 3)
+    assert recut(labelling, found, np.zeros(found.labels.shape, bool)) is found
 
 
 def test_junctions_are_where_three_layers_meet():
@@ -418,8 +467,8 @@ def test_junctions_are_where_three_layers_meet():
 def test_near_ties_are_looked_for_among_the_open_pixels_or_all(everywhere):
     labelling = labelling_of(pile(1, alike=True))
     shows, before = labelling.on_top(), labelling.total(labelling.on_top(), labelling.canvas)
-    state = State(shows, np.zeros(shows.shape, bool))
-    ties = refine(problem_of(labelling), state, 5, ties=True, everywhere=everywhere)
+    nothing = np.zeros(shows.shape, bool)
+    ties = refine(problem_of(labelling), shows, nothing, 5, ties=True, everywhere=everywhere)
     found = sum(len(rows) for rows, _ in ties.values())
     assert set(ties) == set(range(len(labelling.places)))
     assert (found > 0) == everywhere
@@ -438,7 +487,7 @@ def test_of_few_pixels_all_are_asked_for_near_ties():
     labelling, costs = labelling_of(layers), []
     for few in (0, 2088, 3029, 3030):
         search = SearchOptions(coarsest=50, shortest=8, near_ties=few)
-        found, _ = minimise(problem_of(labelling, search), range(len(layers)), 3, False)
+        found = minimise(problem_of(labelling, search), range(len(layers)), 3).labels
         costs.append(labelling.total(found, labelling.canvas))
     assert costs[0] == costs[1] == costs[2] > costs[3]
 
@@ -450,7 +499,7 @@ def test_nearly_shown_layers_at_half_size_may_show_at_full_size():
     costs = []
     for ties in ({}, dict.fromkeys(range(len(labelling.places)), everywhere)):
         shows = labelling.on_top()
-        refine(problem_of(labelling), State(shows, np.zeros(shows.shape, bool), ties), 5)
+        refine(problem_of(labelling), shows, np.zeros(shows.shape, bool), 5, tied=ties)
         costs.append(labelling.total(shows, canvas))
     assert costs[1] < 0.9 * costs[0]
 

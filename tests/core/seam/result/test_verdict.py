@@ -55,7 +55,7 @@ def test_of_several_seams_the_worst_speaks_for_all():
     worst = [seam.verdict.worst for seam in stitched.seams]
     assert stitched.verdict.worst == min(worst) < 0.3
     assert 20 <= stitched.verdict.where[1] <= 30
-    assert ts.layers.compose(layers).totals().verdict == stitched.verdict
+    assert ts.stitch(layers).verdict == stitched.verdict
     assert ts.stitch(layers, gradient=True).verdict is None
 
 

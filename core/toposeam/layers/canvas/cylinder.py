@@ -1,15 +1,8 @@
-"""Panoramas that go all the way round: the right edge of the canvas goes on at the left one.
-
-Such a canvas is a band without ends. It is cut where fewest layers lie beside each other and composed as
-usual. Where one does, no seam runs there. Where several do, the canvas is then turned by half, so that the
-cut lies in the middle, and what adjoins there is divided anew in a band round the cut while everything else
-stays. Blending sees the canvas with some of its other end on both sides.
-"""
+"""Layers and maps on a canvas that goes all the way round, read from any column of it on."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
 from typing import Any, cast
 
 import numpy as np
@@ -18,14 +11,8 @@ import numpy.typing as npt
 from toposeam.arrays import Labels, Mask
 from toposeam.errors import OptionError
 from toposeam.images import Windows, full_scale
-from toposeam.layers.canvas.layer import Box, Extent, Layer
-from toposeam.layers.canvas.tile_map import BLOCK, made_map, occupied_columns
-from toposeam.layers.labelling.problem import Pair
-from toposeam.layers.search.two_label_band import SeamHeat
-
-#: What adjoins at the cut is opened so far on either side, a share of the width, but no more than this many
-#: pixels of the canvas, or this many px.
-_BAND, _BAND_PIXELS, _LEAST_BAND = 16, 150_000, 32
+from toposeam.layers.canvas.layer import Box, Layer
+from toposeam.layers.canvas.tile_map import made_map, occupied_columns
 
 
 class Turned(Windows):
@@ -83,7 +70,7 @@ def turned(layer: Layer, period: int, start: int) -> Layer:
             width=width,
             period=period,
         )
-    occupied = np.roll(_columns(layer, period), -start)
+    occupied = np.roll(occupied_on(layer, period, x), -start)
     used = np.flatnonzero(occupied)
     first, stop = (int(used[0]), int(used[-1]) + 1) if len(used) else (0, 1)
 
@@ -102,7 +89,7 @@ def turned(layer: Layer, period: int, start: int) -> Layer:
 
 def narrowed(layer: Layer, period: int) -> Layer:
     """A layer on a round canvas in one piece, if that was cut inside of it: it then reaches over the end."""
-    gaps = np.flatnonzero(~_columns(layer, period))
+    gaps = np.flatnonzero(~occupied_on(layer, period, layer.at[0]))
     if layer.image.shape[1] < period or not len(gaps):
         return layer
     runs = np.split(gaps, np.flatnonzero(np.diff(gaps) > 1) + 1)
@@ -111,26 +98,13 @@ def narrowed(layer: Layer, period: int) -> Layer:
     return dataclasses.replace(part, at=(part.at[0] + start, part.at[1]))
 
 
-def _columns(layer: Layer, period: int) -> npt.NDArray[np.bool_]:
-    """(period,) bool: columns of the round canvas in which a layer has pixels."""
+def occupied_on(layer: Layer, period: int, left: int) -> Mask:
+    """(period,) bool: columns of a round canvas in which a layer has pixels that begins at one of them."""
     width = layer.image.shape[1]
     found = np.ones(width, bool) if layer.alpha is None else occupied_columns(layer.alpha)
     result = np.zeros(period, bool)
-    result[(np.flatnonzero(found) + layer.at[0]) % period] = True
+    result[(np.flatnonzero(found) + left) % period] = True
     return result
-
-
-def best_cut(layers: Sequence[Layer], period: int) -> tuple[int, int]:
-    """The column at which fewest layers lie, of several the middle of the widest run; and how many do."""
-    count = np.sum([_columns(layer, period) for layer in layers], axis=0)
-    fewest = count == count.min()
-    if fewest.all():
-        return 0, int(count[0])
-    start = int(np.flatnonzero(~fewest)[0])
-    edges = np.flatnonzero(np.diff(np.append(np.roll(fewest, -start), False).astype(np.int8)))
-    first, last = edges[::2] + 1, edges[1::2] + 1
-    longest = int(np.argmax(last - first))
-    return (start + (int(first[longest]) + int(last[longest])) // 2) % period, int(count.min())
 
 
 def turned_map(label_map: Any, period: int, start: int, width: int) -> Labels:
@@ -145,26 +119,6 @@ def turned_map(label_map: Any, period: int, start: int, width: int) -> Labels:
     return made_map((label_map.shape[0], width), np.int16, values)
 
 
-def turned_gathered(
-    given: Sequence[tuple[Mapping[Pair, SeamHeat], int]], period: int
-) -> dict[Pair, SeamHeat]:
-    """The heat along seams of canvases that begin at some columns of the round one, as on that; later label
-    potentials count.
-    """
-    found: dict[Pair, list[SeamHeat]] = {}
-    for gathered, start in given:
-        for pair, heat in gathered.items():
-            rows, columns, values = heat.potential
-            moved = rows, (columns + start) % period, values
-            found.setdefault(pair, []).append(dataclasses.replace(heat, potential=moved))
-    result: dict[Pair, SeamHeat] = {}
-    for pair, parts in found.items():
-        potentials = zip(*(heat.potential for heat in parts), strict=True)
-        rows, columns, values = (np.concatenate(part) for part in potentials)
-        result[pair] = dataclasses.replace(parts[0], potential=(rows, columns, values))
-    return result
-
-
 class _Plus(Windows):
     """Labels plus 1, so that 0 is none."""
 
@@ -176,23 +130,6 @@ class _Plus(Windows):
         """Some rows and columns."""
         result: npt.NDArray[Any] = self._map[rows, columns] + np.int16(1)
         return result
-
-
-def band(shape: tuple[int, int]) -> Mask:
-    """(H, W) bool: the middle columns of a canvas."""
-    half = max(8, min(shape[1] // _BAND, max(_LEAST_BAND, _BAND_PIXELS // (2 * shape[0]))))
-    middle = shape[1] // 2
-
-    def values(box: Box) -> Mask:
-        columns = np.arange(box.left, box.right)
-        return np.broadcast_to(np.abs(columns - middle) < half, box.shape)
-
-    return made_map(shape, bool, values)
-
-
-def margin(width: int) -> int:
-    """How much of the other end blending sees, px."""
-    return min(4 * BLOCK, width // BLOCK * BLOCK) or width
 
 
 def unrolled(layer: Layer, period: int, beyond: int) -> Layer:
@@ -209,13 +146,3 @@ def unrolled(layer: Layer, period: int, beyond: int) -> Layer:
         name=layer.name,
         data_range=layer.data_range,
     )
-
-
-def round_canvas(layers: Sequence[Layer], period: int) -> Extent:
-    """The canvas: its left edge at 0 where all layers lie right of that, else at the leftmost layer."""
-    left = min(layer.at[0] for layer in layers)
-    right = max(layer.at[0] + layer.image.shape[1] for layer in layers)
-    origin = 0 if left >= 0 and right <= period else left
-    top = min(layer.at[1] for layer in layers)
-    bottom = max(layer.at[1] + layer.image.shape[0] for layer in layers)
-    return Extent(origin=(origin, top), shape=(bottom - top, period))

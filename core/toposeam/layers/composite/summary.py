@@ -1,0 +1,162 @@
+"""A composition in numbers, for programs: one schema, however many pictures, however large.
+
+``schema`` is 1. It changes when a key goes or means something else; keys may be added. Sizes and places are
+in px; what is not known is None.
+
+=================  =======================================================================================
+``schema``         1
+``size``           width and height of the picture
+``crop``           left, top, width and height of what the picture shows of the canvas; None for all of it
+``cost``           Σ M over all seams
+``rounds``         rounds of expansions, 0 for two pictures
+``bent_px``        the farthest by which pictures were bent to meet, 0 where none was
+``likeness``       of the seam most likely to be seen, as that of each seam
+``worst_likeness`` the same
+``look_at``        the same
+``layers``         of each picture name, at (x, y), shown_px, and where that was sought moved (x, y),
+                   correlation, turn (degrees) and scale
+``seams``          of each seam between (two names), method, cost, optimum (the least possible cost), ratio
+                   (of both), bound (proven, 0 for nothing), stages, iterations, termination, paths (their
+                   number), length_px, seconds, likeness and worst_likeness (in [0, 1], the mean and that of
+                   the worst tenth) and look_at (x, y of the picture, None where nothing is likely to be seen)
+``placement``      how places were found
+=================  =======================================================================================
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from toposeam.layers.labelling.problem import Pair
+from toposeam.optimize.history import Termination
+from toposeam.seam.result.seam import Seam
+from toposeam.seam.result.verdict import Verdict
+from toposeam.vector.polyline import Polyline
+from toposeam.vector.svg import write_svg
+
+if TYPE_CHECKING:
+    from toposeam.layers.composite.composition import Composition
+
+SCHEMA = 1
+#: What a summary says of the places of a layer where these were sought.
+_SOUGHT = ("moved", "correlation", "turn", "scale")
+_UNJUDGED: dict[str, Any] = {"likeness": None, "worst_likeness": None, "look_at": None}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SeamOutline:
+    """A seam without the problem that it solves: what it looks like and how it was found."""
+
+    pair: Pair
+    paths: tuple[Polyline, ...]
+    cost: float
+    method: str
+    bound: float
+    stages: int
+    iterations: int
+    termination: Termination
+    seconds: float
+    settings: Mapping[str, Any]
+    verdict: Verdict | None = None
+
+    @classmethod
+    def of(cls, pair: Pair, seam: Seam) -> SeamOutline:
+        """Take from the seam of a pair what is not its problem."""
+        return cls(
+            pair=pair,
+            paths=tuple(seam.paths),
+            cost=seam.cost,
+            method=seam.method,
+            bound=seam.bound,
+            stages=seam.history[-1].stage if seam.history else 0,
+            iterations=len(seam.history),
+            termination=seam.termination,
+            seconds=seam.seconds,
+            settings=seam.settings,
+            verdict=seam.verdict,
+        )
+
+    @property
+    def length(self) -> float:
+        """Length of all its lines, px."""
+        return sum(line.length for line in self.paths)
+
+
+def summary_of(composition: Composition, *, optima: bool) -> dict[str, Any]:
+    """Return a composition in numbers, as the table above has them."""
+    names, view = composition.names, composition.view
+    crop = None
+    if view != composition.canvas.box:
+        crop = (view.left, view.top, view.shape[1], view.shape[0])
+    found, verdicts = [], []
+    for number, seam in enumerate(composition.outlines):
+        verdict = None if seam.verdict is None else seam.verdict.inside(crop)
+        verdicts.append(verdict)
+        ratio = composition.seams[number].optimum_ratio() if optima else None
+        found.append(
+            {
+                "between": [names[index] for index in seam.pair],
+                "method": seam.method,
+                "cost": seam.cost,
+                "optimum": None if ratio is None else seam.cost / ratio,
+                "ratio": ratio,
+                "bound": seam.bound,
+                "stages": seam.stages,
+                "iterations": seam.iterations,
+                "termination": str(seam.termination),
+                "paths": len(seam.paths),
+                "length_px": round(seam.length),
+                "seconds": round(seam.seconds, 6),
+                **(_UNJUDGED if verdict is None else verdict.summary()),
+            }
+        )
+    known = [verdict for verdict in verdicts if verdict is not None]
+    worst = min(known, key=lambda verdict: verdict.worst) if known else None
+    layers = [
+        {"name": layer.name, "at": list(layer.at), "shown_px": shown, **dict.fromkeys(_SOUGHT)}
+        for layer, shown in zip(composition.layers, composition.shown, strict=True)
+    ]
+    height, width = composition.shape
+    return {
+        "schema": SCHEMA,
+        "size": [width, height],
+        "crop": None if crop is None else list(crop),
+        "cost": sum(seam["cost"] for seam in found),
+        "rounds": composition.rounds,
+        "bent_px": composition.bent,
+        **(_UNJUDGED if worst is None else worst.summary()),
+        "layers": layers,
+        "seams": found,
+        "placement": None,
+    }
+
+
+def pair_name(first: str, second: str) -> str:
+    """What the paths between two layers are called in SVG.
+
+    Examples
+    --------
+    >>> import toposeam as ts
+    >>> ts.layers.pair_name("a", "b")
+    'a : b'
+    """
+    return " ".join(f"{first} : {second}".split())
+
+
+def seams_svg(seams: Sequence[SeamOutline], names: Sequence[str], shape: tuple[int, int], rounds: int) -> str:
+    """The seams between layers as one SVG document of the canvas's height and width."""
+    lines = [
+        (line, pair_name(names[i], names[j])) for seam in seams for i, j in [seam.pair] for line in seam.paths
+    ]
+    settings: dict[str, Any] = {
+        "layers": tuple(names),
+        "cost": sum(seam.cost for seam in seams),
+        "rounds": rounds,
+        "seams": [
+            {**seam.settings, "pair": seam.pair, "method": seam.method, "cost": seam.cost} for seam in seams
+        ],
+    }
+    height, width = shape
+    return write_svg([line for line, _ in lines], width, height, settings, [name for _, name in lines])

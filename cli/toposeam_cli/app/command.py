@@ -17,7 +17,8 @@ _LAST = ("Output", "Speed and memory", "Help")
 _EXAMPLES = 2
 #: What asks for help in Windows.
 HELP_WORDS = ("/?", "/h", "/help", "-?")
-#: Where it is kept that all options are to be shown.
+#: Keys in the context of click: the words of the command line, and that all options are to be shown.
+WORDS = "toposeam.words"
 _ALL = "toposeam.help_all"
 
 

@@ -12,9 +12,8 @@ from pathlib import Path
 import click
 
 from toposeam.sentence import printable
+from toposeam_cli.app.command import WORDS
 
-#: Where the words of the command line are kept.
-WORDS = "toposeam.words"
 #: Results may have the suffix of what they are made of, if it is one of these.
 _WRITTEN = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".gif", ".mp4", ".mov", ".webm", ".npy")
 #: Words that look like pictures.

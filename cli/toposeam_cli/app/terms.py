@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import wraps
 from pathlib import Path
 from typing import Any
 
@@ -14,27 +13,6 @@ from toposeam.errors import Term, TopoSeamError
 
 #: What a command calls a term, from the values of its parameters; None where it has no word for it.
 Called = Callable[[Term, Mapping[str, Any]], str | None]
-
-
-def speaking(command: click.Command) -> click.Command:
-    """Return the command, its errors in its own words."""
-    callback = command.callback
-    if callback is None or hasattr(callback, "speaks"):
-        return command
-
-    @wraps(callback)
-    def call(*arguments: Any, **given: Any) -> Any:
-        try:
-            return callback(*arguments, **given)
-        except TopoSeamError as error:
-            text = said(error)
-            if text == str(error):
-                raise
-            raise type(error)(text) from error
-
-    call.speaks = True  # type: ignore[attr-defined]
-    command.callback = call
-    return command
 
 
 def said(error: TopoSeamError) -> str:

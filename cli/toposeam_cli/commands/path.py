@@ -13,8 +13,7 @@ from toposeam_cli.app.options import FILE, OUTPUT, FiniteRange, OffsetType, forc
 from toposeam_cli.app.progress import share_bar
 from toposeam_cli.files.writing import atomic_write, check_output
 from toposeam_cli.media.pictures.colour import to_depth
-from toposeam_cli.media.pictures.limits import read_within
-from toposeam_cli.media.pictures.picture import Picture, write_picture
+from toposeam_cli.media.pictures.picture import Picture, read_within, write_picture
 
 #: Maps of more pixels are refused: heat is led for 70 iterations.
 _MAX_PIXELS = 4_000_000

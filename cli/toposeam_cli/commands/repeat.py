@@ -19,8 +19,7 @@ from toposeam_cli.app.options import FILE, OUTPUT, OffsetType, PairType, force_o
 from toposeam_cli.app.progress import share_bar
 from toposeam_cli.files.writing import check_output
 from toposeam_cli.media.pictures.colour import to_depth
-from toposeam_cli.media.pictures.limits import MAX_MOTIF, read_within
-from toposeam_cli.media.pictures.picture import Picture, write_picture
+from toposeam_cli.media.pictures.picture import MAX_MOTIF, Picture, read_within, write_picture
 from toposeam_cli.motifs.print_options import (
     PrintOptions,
     RepeatType,

@@ -16,14 +16,15 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from toposeam.errors import TopoSeamError
 from toposeam.sentence import sentence
-from toposeam_cli.files.scratch import Scratch
-from toposeam_cli.jobs.dask_workers import DaskWorkers, WorkerCheck, dask_workers
-from toposeam_cli.jobs.handing import Handing
-from toposeam_cli.jobs.workers import Workers, worker_processes
+
+if TYPE_CHECKING:
+    from toposeam_cli.files.scratch import Scratch
+    from toposeam_cli.jobs.array_files import ArrayFiles
+    from toposeam_cli.jobs.workers import Workers
 
 _LOGGER = logging.getLogger(__name__)
 
@@ -65,7 +66,7 @@ class TaskCrew:
     def __init__(self, processes: int, dask: str | None, block: ExitStack, store: Scratch | None) -> None:
         self._processes, self._dask, self._block, self._store = processes, dask, block, store
         self._workers: Workers | None = None
-        self._handing = Handing(None)
+        self._arrays: ArrayFiles
         #: Parts that were handed out, and the bytes that went there and came back.
         self.parts = self.sent = self.received = 0
         #: The same by what was done.
@@ -80,15 +81,20 @@ class TaskCrew:
             As :func:`toposeam_cli.jobs.dask_workers.dask_workers` has them.
         """
         if self._workers is None:
-            made = (
-                worker_processes(self._processes, _WAITING)
-                if self._dask is None
-                else dask_workers(self._dask, self._processes, _WAITING_ON_DASK)
-            )
-            self._workers = self._block.enter_context(made)
-            if self._store is not None:
-                self._handing = Handing(self._store.folder())
+            from toposeam_cli.jobs.array_files import ArrayFiles
+
+            self._workers = self._block.enter_context(self._new_workers())
+            self._arrays = ArrayFiles(None if self._store is None else self._store.folder())
         return self._workers
+
+    def _new_workers(self) -> AbstractContextManager[Workers]:
+        if self._dask is None:
+            from toposeam_cli.jobs.workers import worker_processes
+
+            return worker_processes(self._processes, _WAITING)
+        from toposeam_cli.jobs.dask_workers import dask_workers
+
+        return dask_workers(self._dask, self._processes, _WAITING_ON_DASK)
 
     def check(self, probe: Path, files: Iterable[Path]) -> None:
         """Refuse workers on other machines that do not see some files; `probe` is overwritten.
@@ -98,8 +104,11 @@ class TaskCrew:
         OptionError
         """
         workers = self.start()
-        if isinstance(workers, DaskWorkers):
-            workers.check(WorkerCheck.at(probe, files))
+        if self._dask is not None:
+            from toposeam_cli.jobs.dask_workers import DaskWorkers, WorkerCheck
+
+            if isinstance(workers, DaskWorkers):
+                workers.check(WorkerCheck.at(probe, files))
 
     def map(self, function: Callable[[Any], Any], items: Iterable[Any], /) -> Iterator[Any]:
         """Yield the results of a function of each item, in their order; raise here what one raises.
@@ -165,7 +174,7 @@ class TaskCrew:
                         break
                     number, item = found
                     with self._failures_told():
-                        calls[number] = self._handing.pickled((function, item)), self._handing.folder
+                        calls[number] = self._arrays.pickled((function, item)), self._arrays.folder
                     self.parts, self.sent = self.parts + 1, self.sent + len(calls[number][0])
                     kind.update(parts=1, sent=len(calls[number][0]))
                 workers.begin(str(number), calls[number], done)
@@ -220,11 +229,13 @@ class TaskCrew:
 
 def done(call: Call) -> bytes:
     """Run in a worker: return what a function of an item gives, or what it raises."""
+    from toposeam_cli.jobs.array_files import ArrayFiles
+
     _keep_memory()
     pickled, folder = call
     try:
         function, item = pickle.loads(pickled)  # noqa: S301 - from the process that started this worker
-        return Handing(folder).pickled((True, function(item)))
+        return ArrayFiles(folder).pickled((True, function(item)))
     except Exception as error:
         return pickle.dumps((False, _portable(error)), pickle.HIGHEST_PROTOCOL)
 

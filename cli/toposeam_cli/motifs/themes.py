@@ -9,7 +9,7 @@ import numpy as np
 import toposeam as ts
 from toposeam.colours import parse_colour
 from toposeam.motif.ink.palettes import Palette
-from toposeam_cli.media.pictures.limits import MAX_MOTIF, read_within
+from toposeam_cli.media.pictures.picture import MAX_MOTIF, read_within
 from toposeam_cli.motifs.swatches import read_swatches
 
 
@@ -45,7 +45,7 @@ def read_theme(path: Path) -> np.ndarray:
     Raises
     ------
     ImageError
-        If it shows nothing, or as :func:`~toposeam_cli.media.pictures.limits.read_within` raises it.
+        If it shows nothing, or as :func:`~toposeam_cli.media.pictures.picture.read_within` raises it.
     """
     picture = read_within(path, MAX_MOTIF)
     if picture.alpha is None:

@@ -39,13 +39,6 @@ def to_depth(values: np.ndarray, dtype: np.dtype) -> np.ndarray:
     return ((values.astype(np.uint32) + _EIGHT_BIT_STEP // 2) // _EIGHT_BIT_STEP).astype(np.uint8)
 
 
-def fits_profile(icc: bytes | None, n_channels: int) -> bool:
-    """Test whether a profile describes that many channels; its colour space stands at byte 16 (ICC.1:2022,
-    7.2.6).
-    """
-    return icc is not None and icc[16:20] == (b"GRAY" if n_channels == 1 else b"RGB ")
-
-
 def convert_profile(
     pixels: np.ndarray, source: bytes | None, target: bytes | None, n_channels: int
 ) -> np.ndarray:

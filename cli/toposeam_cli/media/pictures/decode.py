@@ -3,7 +3,7 @@
 import os
 import re
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
@@ -16,7 +16,6 @@ from toposeam.errors import ImageError
 from toposeam_cli.files.regular import check_pattern
 from toposeam_cli.media.pictures.colour import DEPTHS, INTENT
 from toposeam_cli.media.pictures.libvips import VipsImage, evaluate, load_vips, reason
-from toposeam_cli.media.pictures.pillow_formats import as_png, pillow_size
 
 #: Files of raw data, as cameras write them. libvips would take the small preview in some for the picture.
 _RAW = {
@@ -158,6 +157,8 @@ def _opened(path: Path, max_pixels: int) -> VipsImage:
         if "heif-compression" in image.get_fields() and image.get("heif-compression") == "hevc":
             image = evaluate(image, image.copy_memory)  # only now it shows whether there is a decoder for it
     except vips.Error:
+        from toposeam_cli.media.pictures.pillow_formats import as_png
+
         content = as_png(path, too_large)
         if content is None:
             raise
@@ -193,11 +194,41 @@ def size_of(path: Path) -> tuple[int, int]:
     try:
         image = vips.Image.new_from_source(vips.Source.new_from_file(os.fsencode(path)), "")
     except vips.Error as error:
+        from toposeam_cli.media.pictures.pillow_formats import pillow_size
+
         size = pillow_size(path)
         if size is None:
             raise _unreadable(path, error) from error
         return size
     return image.width, image.height
+
+
+def check_together(paths: Sequence[Path], max_pixels: int) -> None:
+    """Refuse pictures that are too large together, before one of them is decoded.
+
+    Raises
+    ------
+    ImageError
+    """
+    known = {path: size_of(path) for path in dict.fromkeys(paths)}
+    for path, (width, height) in known.items():
+        refuse_large(path, width, height, max_pixels)
+    if len(paths) > 1:
+        refuse_together(len(paths), sum(known[path][0] * known[path][1] for path in paths), max_pixels)
+
+
+def refuse_together(count: int, total: int, max_pixels: int, where: str = "") -> None:
+    """Refuse pictures that have too many pixels together.
+
+    Raises
+    ------
+    ImageError
+    """
+    if total > max_pixels:
+        raise ImageError(
+            f"{where}the {count} pictures have {total / 1e6:.0f} megapixels together, more than the "
+            f"{max_pixels / 1e6:g} allowed; raise --max-megapixels if they are trusted"
+        )
 
 
 def _unreadable(path: Path, error: Exception) -> ImageError:

@@ -11,7 +11,6 @@ import numpy as np
 from toposeam.errors import MissingPackageError
 from toposeam.images import Windows
 from toposeam_cli.files.interruption import interruptible
-from toposeam_cli.media.pictures.tiff_stream import TiffStream
 
 #: A ``pyvips.Image``; pyvips carries no types.
 VipsImage = Any
@@ -76,6 +75,8 @@ def _streamed(pixels: Windows) -> VipsImage:
     """Make an image that libvips reads while it writes. On a failure the file ends there for it, which is an
     error.
     """
+    from toposeam_cli.media.pictures.tiff_stream import TiffStream
+
     stream, source = TiffStream(pixels), load_vips().SourceCustom()
 
     def read(size: int) -> bytes | None:
@@ -93,6 +94,13 @@ def with_profile(image: VipsImage, icc: bytes) -> VipsImage:
     image = image.copy()
     image.set_type(load_vips().GValue.blob_type, "icc-profile-data", icc)
     return image
+
+
+def fits_profile(icc: bytes | None, n_channels: int) -> bool:
+    """Test whether a profile describes that many channels; its colour space stands at byte 16 (ICC.1:2022,
+    7.2.6).
+    """
+    return icc is not None and icc[16:20] == (b"GRAY" if n_channels == 1 else b"RGB ")
 
 
 def evaluate(image: VipsImage, call: Callable[[], Value]) -> Value:

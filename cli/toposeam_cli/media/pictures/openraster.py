@@ -24,8 +24,8 @@ from toposeam.sentence import printable
 from toposeam_cli.files.temporary import private_folder
 from toposeam_cli.files.writing import replacing
 from toposeam_cli.media.pictures.colour import to_depth
+from toposeam_cli.media.pictures.decode import refuse_together
 from toposeam_cli.media.pictures.libvips import channels
-from toposeam_cli.media.pictures.limits import refuse_together
 from toposeam_cli.media.pictures.picture import Picture, encode_png, read_picture
 
 #: Largest stack.xml, and most layers, that are read.

@@ -19,12 +19,19 @@ import numpy as np
 from toposeam.errors import ImageError
 from toposeam.images import full_scale
 from toposeam_cli.files.writing import OutputError, check_output, replacing
-from toposeam_cli.media.pictures.colour import DEPTHS, convert_profile, fits_profile, to_depth
-from toposeam_cli.media.pictures.decode import UNSTATED_RESOLUTION, Decoding, decoding
+from toposeam_cli.media.pictures.colour import DEPTHS, convert_profile, to_depth
+from toposeam_cli.media.pictures.decode import (
+    UNSTATED_RESOLUTION,
+    Decoding,
+    decoding,
+    refuse_large,
+    size_of,
+)
 from toposeam_cli.media.pictures.libvips import (
     VipsImage,
     channels,
     evaluate,
+    fits_profile,
     load_vips,
     reason,
     to_vips,
@@ -33,6 +40,8 @@ from toposeam_cli.media.pictures.libvips import (
 
 #: Pictures with more pixels are refused unless the user asks: 500 megapixels are 3 GB as 16-bit RGB.
 MAX_PIXELS = 500_000_000
+#: Largest picture, in pixels, of which a motif, a palette or a theme is made; no option raises it.
+MAX_MOTIF = 64_000_000
 
 #: A classic TIFF ends at 4 GiB, and what does not compress may grow.
 _BIGTIFF_BYTES = 3_500_000_000
@@ -166,6 +175,17 @@ def read_picture(path: str | Path, max_pixels: int = MAX_PIXELS) -> Picture:
     path = Path(path)
     with decoding(path, max_pixels) as file:
         return _decoded(path, file, file.values())
+
+
+def read_within(path: Path, max_pixels: int) -> Picture:
+    """Read a picture as :func:`read_picture` does, for a command whose limit no option raises.
+
+    Raises
+    ------
+    ImageError
+    """
+    refuse_large(path, *size_of(path), max_pixels, raisable=False)
+    return read_picture(path, max_pixels)
 
 
 def read_strips(path: Path, max_pixels: int = MAX_PIXELS) -> Iterator[Picture]:

@@ -153,7 +153,7 @@ def main(arguments: list[str] | None = None) -> int:
         for of in arguments[1:]:
             import_module("toposeam_engine.rehearsing").rehearse(of)
     except Exception as error:
-        channel.send("error", **told(error))
+        channel.send("error", **described(error))
         return 1
     threading.Thread(target=_beat, args=(channel,), daemon=True).start()
     if not waits:
@@ -182,13 +182,13 @@ def _answer(asker: Asker, channel: Channel, folder: Path, nonce: bytes | None) -
     except Exception as error:
         asker.join_if_gone()
         asker.waits_for(None)
-        channel.send("error", **told(error))
+        channel.send("error", **described(error))
         return 1
     channel.send("result", result=result)
     return 0
 
 
-def told(error: BaseException) -> dict[str, Any]:
+def described(error: BaseException) -> dict[str, Any]:
     """Describe an error for the asker: the sentence; and kind, parameter and data for one of its own."""
     ours = as_told(error)
     data: dict[str, Any] = {}
@@ -206,7 +206,7 @@ def told(error: BaseException) -> dict[str, Any]:
     return {"message": printable(message), "kind": ours.kind, "parameter": ours.parameter, "data": data}
 
 
-def _check_folder(folder: Path, told: bytes) -> None:
+def _check_folder(folder: Path, expected: bytes) -> None:
     """Refuse a folder that the asker did not make for this request: it would be removed at the end."""
     from toposeam.errors import OptionError
 
@@ -215,7 +215,7 @@ def _check_folder(folder: Path, told: bytes) -> None:
     if marker.is_file() and not marker.is_symlink():
         with marker.open("rb") as file:
             nonce = file.read(_LONGEST_NONCE)
-    if not nonce or not hmac.compare_digest(nonce, told):
+    if not nonce or not hmac.compare_digest(nonce, expected):
         raise OptionError(
             f"'{folder}' is no request of TopoSeam's plug-in, and was left untouched; only GIMP calls "
             "the engine (after an update, run “toposeam gimp install” and start GIMP again)"

@@ -17,16 +17,14 @@ from toposeam_cli.files.interruption import terminations_raised
 
 
 class Commands(click.Group):
-    """Turns what goes wrong into one sentence on stderr and a non-zero exit code."""
+    """The group of all commands. It turns each error into one sentence on stderr and a non-zero exit code."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Return the names of all commands."""
         return sorted({*COMMANDS, *super().list_commands(ctx)})
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Return the command of that name, imported only when it is wanted: Ctrl-C may come while the
-        numerics load.
-        """
+        """Import and return the command of that name. Ctrl-C may come while its numerics load."""
         return load(cmd_name) if cmd_name in COMMANDS else super().get_command(ctx, cmd_name)
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
@@ -43,13 +41,13 @@ class Commands(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Return the command that the words begin with, and the words behind it."""
+        """Return the command that the words begin with, and the words after it."""
         if self.get_command(ctx, args[0]) is None and not ctx.resilient_parsing:
             self._refuse(ctx)
         return super().resolve_command(ctx, args)
 
     def _refuse(self, ctx: click.Context) -> None:
-        """Refuse words that begin with no command, if what was meant can be said."""
+        """Refuse words that begin with no command, if we can say what was meant."""
         from toposeam_cli.app.remedies import refuse_no_command
 
         refuse_no_command(ctx, self.list_commands(ctx))
@@ -116,7 +114,7 @@ def _first_line(name: str, loaded: Mapping[str, click.Command], width: int) -> s
 
 
 def _never_fail_to_print() -> None:
-    """Let a terminal or pipe that lacks a character, be it in a file name, show an escape instead."""
+    """Print an escape for each character that a terminal or pipe lacks, as in file names."""
     for stream in (sys.stdout, sys.stderr):
         reconfigure = getattr(stream, "reconfigure", None)
         if reconfigure is not None and stream.errors == "strict":

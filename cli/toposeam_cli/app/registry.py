@@ -14,8 +14,8 @@ import click
 
 from toposeam.errors import TopoSeamError
 
-#: Each command and its first line of help, as its own text has it: loading the commands loads the numerics,
-#: which takes a second.
+#: Each command and its first line of help, equal to its own text: loading all commands to ask them takes a
+#: second.
 COMMANDS = {
     "stitch": "Join pictures where they overlap, along seams that nobody sees.",
     "enblend": "Blend pictures that Hugin's nona has placed: in enblend's place, with its options.",
@@ -36,7 +36,8 @@ COMMANDS = {
 }
 
 
-#: Of every command, also when it is used without the group: click keeps the first help option it has made.
+#: Settings of every command, also when it is used without the group: click keeps the first help option it has
+#: made.
 CONTEXT = {"help_option_names": ["-h", "--help"]}
 
 #: Submodules of NumPy that we never use. SciPy names all that NumPy has (``scipy._lib.array_api_compat``) and
@@ -53,7 +54,7 @@ def load(name: str) -> click.Command:
 
 
 def _module(name: str) -> ModuleType:
-    """Return a module, imported without looking for garbage meanwhile: what is being loaded stays."""
+    """Import a module without garbage collection meanwhile, as all that is loaded stays."""
     if name in sys.modules or not gc.isenabled():
         return import_module(name)
     gc.disable()
@@ -89,12 +90,13 @@ def speaking(command: click.Command) -> click.Command:
 
 
 def loaded_later(names: tuple[str, ...] = UNUSED) -> None:
-    """Let submodules be loaded when something in them is looked at, not when they are imported.
+    """Let submodules load at the first access to one of their attributes, not when they are imported.
 
     Parameters
     ----------
     names : tuple of str
-        With the names of their packages, which are loaded. What is loaded already, or is not there, stays so.
+        Full names of the submodules; their packages are loaded. Modules that are loaded already or are
+        missing stay as they are.
     """
     for name in names:
         spec = None if name in sys.modules else find_spec(name)

@@ -184,8 +184,8 @@ def _plug_in_path(profile: Profile) -> str:
     path = f"{profile.plug_ins}:${{gimp_plug_in_dir}}/plug-ins"
     if profile.version is not None or profile.kind == "GIMP3_DIRECTORY":
         with suppress(OSError):
-            told = (folder / "gimprc").read_text(encoding="utf-8", errors="replace")
-            if match := re.search(r'^\(plug-in-path "([^"\n]*)"\)', told, re.MULTILINE):
+            settings = (folder / "gimprc").read_text(encoding="utf-8", errors="replace")
+            if match := re.search(r'^\(plug-in-path "([^"\n]*)"\)', settings, re.MULTILINE):
                 path = match[1].replace("${gimp_dir}", str(folder))
     return path
 

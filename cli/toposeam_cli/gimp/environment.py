@@ -31,7 +31,7 @@ def check_python(python: Path) -> list[str]:
         When it is no Python, has no TopoSeam, or another release of it.
     """
     try:
-        told = subprocess.run(  # noqa: S603 - what the user named, and no shell
+        answer = subprocess.run(  # noqa: S603 - what the user named, and no shell
             [str(python), "-P", "-c", _ASK], capture_output=True, text=True, timeout=_ASK_S, check=False
         )
     except (OSError, subprocess.TimeoutExpired) as error:
@@ -39,9 +39,9 @@ def check_python(python: Path) -> list[str]:
             f"{python} does not run ({type(error).__name__}); give the python of an environment that has "
             "toposeam"
         ) from error
-    words = told.stdout.split()
-    if told.returncode != 0 or len(words) != 2:
-        said = (told.stderr.strip().splitlines() or ["it says nothing"])[-1]
+    words = answer.stdout.split()
+    if answer.returncode != 0 or len(words) != 2:
+        said = (answer.stderr.strip().splitlines() or ["it says nothing"])[-1]
         raise OptionError(
             f"{python} has no TopoSeam ({said}); give the python of an environment that has it, or let one "
             "be made: toposeam gimp install --venv"
@@ -116,11 +116,11 @@ def requirement() -> str:
         Where it is not known.
     """
     try:
-        told = distribution("toposeam").read_text("direct_url.json")
+        answer = distribution("toposeam").read_text("direct_url.json")
     except PackageNotFoundError:
-        told = None
-    if told:
-        return f"toposeam[cli] @ {json.loads(told)['url']}"
+        answer = None
+    if answer:
+        return f"toposeam[cli] @ {json.loads(answer)['url']}"
     raise OptionError(
         "this TopoSeam does not say where it was installed from; make an environment from a checkout "
         "(python -m venv FOLDER, and FOLDER/bin/pip install CHECKOUT[cli]), and name its Python with --python"

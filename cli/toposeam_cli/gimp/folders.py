@@ -89,9 +89,13 @@ def profiles(
     environment = os.environ if environment is None else environment
     if version is not None and not re.fullmatch(r"3\.\d+", version):
         raise OptionError(f"--gimp-version is {version!r}; TopoSeam is for GIMP 3: write 3.0 or 3.2")
-    told = environment.get("GIMP3_DIRECTORY")
-    if told:
-        place = Path(told) if Path(told).is_absolute() else (Path.home() if home is None else home) / told
+    directory = environment.get("GIMP3_DIRECTORY")
+    if directory:
+        place = (
+            Path(directory)
+            if Path(directory).is_absolute()
+            else (Path.home() if home is None else home) / directory
+        )
         return [Profile(plug_ins=place / "plug-ins", version=version, kind="GIMP3_DIRECTORY")]
     places = list(roots(environment, platform, home))
     found = [

@@ -61,9 +61,9 @@ def _flatpaks() -> Iterator[Program]:
     flatpak = shutil.which("flatpak")
     if flatpak is None:
         return
-    told = subprocess.run(  # noqa: S603 - the system's own
+    answer = subprocess.run(  # noqa: S603 - the system's own
         [flatpak, "info", "org.gimp.GIMP"], capture_output=True, text=True, check=False
     )
-    match = re.search(r"Version:\s*(\d+\.\d+)", told.stdout)
-    if told.returncode == 0 and match is not None:
+    match = re.search(r"Version:\s*(\d+\.\d+)", answer.stdout)
+    if answer.returncode == 0 and match is not None:
         yield Program(version=match[1], console=None, kind="Flatpak")

@@ -30,7 +30,7 @@ class ArrayFiles:
     Parameters
     ----------
     folder : Path, optional
-        Without one everything is pickled as usual.
+        Where the files are written; without it every array is pickled as usual.
 
     Examples
     --------
@@ -79,7 +79,7 @@ class ArrayFiles:
         if isinstance(owner, np.memmap) and owner.filename is not None:
             path = Path(owner.filename)
         elif self.folder is None or owner.nbytes < array.nbytes or not owner.flags.c_contiguous:
-            return None  # without a folder, or one value seen as many
+            return None  # no folder, or a broadcast view of one value
         else:
             path = self._path(owner, self.folder)
         start = array.__array_interface__["data"][0] - owner.__array_interface__["data"][0]

@@ -36,8 +36,8 @@ class DrawableChoice:
         self.widget.pack_start(text, True)
         self.widget.add_attribute(text, "text", 1)
         known = [drawable and drawable.get_id() for drawable, _name in self._choices]
-        told = config.get_property(option.name)
-        self.widget.set_active(known.index(told.get_id()) if told and told.get_id() in known else 0)
+        chosen = config.get_property(option.name)
+        self.widget.set_active(known.index(chosen.get_id()) if chosen and chosen.get_id() in known else 0)
         self.widget.connect("changed", lambda _list: self._choose())
         self._choose()
 

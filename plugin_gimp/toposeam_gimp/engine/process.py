@@ -86,12 +86,12 @@ def find_python(environment: Mapping[str, str] | None = None, home: Path | None 
         When there is none.
     """
     environment = os.environ if environment is None else environment
-    told = environment.get("TOPOSEAM_PYTHON")
-    if told:
-        if shutil.which(told) is None:
+    named = environment.get("TOPOSEAM_PYTHON")
+    if named:
+        if shutil.which(named) is None:
             text = _("TOPOSEAM_PYTHON is {python}, but that is not a program; correct it or unset it.")
-            raise EngineError(text.format(python=told))
-        return told
+            raise EngineError(text.format(python=named))
+        return named
     try:
         recorded = str(json.loads(settings_file().read_text(encoding="utf-8"))["python"])
     except (OSError, ValueError, KeyError, TypeError):
@@ -262,7 +262,7 @@ class Engine:
                 self._process.stdin.write("".join(f"{line}\n" for line in lines).encode())
                 self._process.stdin.flush()
 
-    def heard(self, silence_s: float) -> bytes | None:
+    def read_line(self, silence_s: float) -> bytes | None:
         """Return the next line; None once it has ended.
 
         Raises
@@ -309,7 +309,7 @@ def _listen(
     share = 0.0
     while True:
         try:
-            line = process.heard(silence_s)
+            line = process.read_line(silence_s)
         except queue.Empty:
             raise EngineError(
                 _(

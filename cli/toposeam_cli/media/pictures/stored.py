@@ -14,7 +14,6 @@ from toposeam.images import full_scale
 from toposeam_cli.files.scratch import Scratch
 from toposeam_cli.media.pictures.libvips import channels
 from toposeam_cli.media.pictures.picture import Picture, read_strips
-from toposeam_cli.media.pictures.raw import Stored
 
 #: Rows that are copied at once.
 _ROWS = 256
@@ -89,6 +88,8 @@ def stored_in(file: Path, picture: Picture) -> Picture:
 
 def stored_picture(path: Path, like: Picture, height: int, width: int) -> Picture:
     """Return the picture in a file that holds its colours and, if it has any, its opacity behind them."""
+    from toposeam_cli.media.pictures.raw import Stored
+
     count = 1 if like.pixels.ndim == 2 else 3
     shape, dtype = (height, width, count + (like.alpha is not None)), like.pixels.dtype
     pixels = Stored([path], shape, dtype, (0, count))

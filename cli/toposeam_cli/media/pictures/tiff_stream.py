@@ -114,10 +114,10 @@ def _head(pixels: Windows, line: int) -> bytes:
     tags[273] = _LONG8, [begin + start for start in tags[273][1]]
     entries, behind = [], []
     for tag, (kind, values) in tags.items():
-        told = struct.pack(f"<{len(values)}{KINDS[kind]}", *values)
-        if len(told) > 8:
-            behind.append(told)
-            told, at = struct.pack("<Q", at), at + len(told)
-        entries.append(struct.pack("<HHQ8s", tag, kind, len(values), told))
+        packed = struct.pack(f"<{len(values)}{KINDS[kind]}", *values)
+        if len(packed) > 8:
+            behind.append(packed)
+            packed, at = struct.pack("<Q", at), at + len(packed)
+        entries.append(struct.pack("<HHQ8s", tag, kind, len(values), packed))
     first = struct.pack("<2sHHHQ", b"II", 43, 8, 0, _BEGINS)
     return b"".join([first, struct.pack("<Q", len(tags)), *entries, bytes(8), *behind])

@@ -32,7 +32,7 @@ def needs(package: str, path: Path) -> Any:
 
 
 @contextmanager
-def damage_told(path: Path) -> Iterator[None]:
+def damage_reported(path: Path) -> Iterator[None]:
     """Report whatever a reader raises on a damaged file as one sentence.
 
     Raises
@@ -75,7 +75,7 @@ class Mapped:
         self._path, self._opened = path, opened
 
     def __getitem__(self, key: Any) -> np.ndarray:
-        with damage_told(self._path):
+        with damage_reported(self._path):
             return np.array(self._opened()[key])
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:

@@ -16,7 +16,7 @@ import numpy as np
 
 from toposeam.errors import ImageError
 from toposeam_cli.files.regular import real_path
-from toposeam_cli.media.stacks.parts import Mapped, check_voxels, damage_told, needs, ordered
+from toposeam_cli.media.stacks.parts import Mapped, check_voxels, damage_reported, needs, ordered
 from toposeam_cli.media.stacks.stack import Stack
 from toposeam_cli.media.stacks.unpacking import unpacks_within
 
@@ -42,7 +42,7 @@ def read_tiff(path: Path, most: float) -> Stack:
     ImageError
     """
     tifffile = needs("tifffile", path)
-    with damage_told(path):
+    with damage_reported(path):
         with _errors_of(tifffile.logger()) as errors, tifffile.TiffFile(path, **_WITH_OTHERS) as file:
             if file.is_ome and file.ome_metadata:
                 _check_ome(path, file.ome_metadata, most)
@@ -150,7 +150,7 @@ def _lazy(path: Path, series: Any) -> Any:
     lock = threading.Lock()  # a file has one place where it is read
 
     def read(first: int, last: int) -> Any:
-        with damage_told(path), lock, ExitStack() as opened:
+        with damage_reported(path), lock, ExitStack() as opened:
             found = np.empty((last - first, *shape), dtype)
             for index, page in enumerate(pages[first:last]):
                 handle = page.parent.filehandle

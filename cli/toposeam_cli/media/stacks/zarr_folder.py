@@ -19,7 +19,7 @@ import numpy as np
 
 from toposeam.errors import ImageError
 from toposeam_cli.files.regular import check_regular_below, real_path
-from toposeam_cli.media.stacks.parts import check_voxels, damage_told, needs, ordered
+from toposeam_cli.media.stacks.parts import check_voxels, damage_reported, needs, ordered
 from toposeam_cli.media.stacks.stack import Stack
 from toposeam_cli.media.stacks.tiff import known_spacing
 from toposeam_cli.media.stacks.unpacking import unpacks_within
@@ -65,7 +65,7 @@ def read_zarr(path: Path, most: float) -> Stack:
         raise ImageError(
             f"{path} is no zarr; give one of the stacks in that folder, or export the stack again"
         )
-    with damage_told(path):
+    with damage_reported(path):
         place, axes, spacing = _place(path)
         layout = _layout(path, place, most)
         node = zarr.open_array(str(place), mode="r", zarr_format=layout.version)
@@ -240,7 +240,7 @@ class _Chunks:
         self._path, self._node, self._layout = path, node, layout
 
     def __getitem__(self, key: Any) -> np.ndarray:
-        with damage_told(self._path):
+        with damage_reported(self._path):
             if self._layout.method:
                 for packed in self._packed(key):
                     if not unpacks_within(packed, self._layout.method, self._layout.most_bytes):

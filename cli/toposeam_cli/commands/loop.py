@@ -183,7 +183,7 @@ def loop(clip: Path, output: Path, **given: Any) -> None:
 
 
 def _summary(output: Path, made: ts.volume.Loop, rate: Fraction) -> dict[str, Any]:
-    """Return what JSON says of a loop."""
+    """Return the summary of a loop for JSON."""
     return {
         "output": str(output),
         "frames": len(made.frames),

@@ -1,4 +1,4 @@
-"""The Python that does the work in GIMP: whether it has TopoSeam, and one of its own where there is none."""
+"""The Python of the engine for GIMP: a check that it has TopoSeam, and a virtual environment for it."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ _ASK_S = 60.0
 
 
 def check_python(python: Path) -> list[str]:
-    """List the methods the plug-in could offer that the engine of a Python lacks.
+    """List the methods of the plug-in that the engine of a Python lacks.
 
     Raises
     ------
     OptionError
-        When it is no Python, has no TopoSeam, or another release of it.
+        When it is no Python, or has no TopoSeam or another release of it.
     """
     try:
         answer = subprocess.run(  # noqa: S603 - what the user named, and no shell
@@ -74,14 +74,14 @@ def usual_folder() -> Path:
 
 
 def make_environment(folder: Path) -> Path:
-    """Make a virtual environment with the TopoSeam that is running; its Python.
+    """Make a virtual environment with the TopoSeam that is running; return its Python.
 
     Raises
     ------
     OptionError
         When the folder holds something else.
     OutputError
-        When it cannot be made; the text has the last words of what failed.
+        When it cannot be made; the text ends with the last line of the failed command.
     """
     if folder.exists() and not folder.is_dir():
         raise OptionError(f"{folder} is a file; name a folder, as --venv FOLDER")
@@ -107,13 +107,13 @@ def make_environment(folder: Path) -> Path:
 
 
 def requirement() -> str:
-    """Return where pip gets this very TopoSeam: the checkout or archive that it was installed from. No
-    package index has it, so a package of its name there would be a stranger's.
+    """Return pip's requirement for this very TopoSeam: the checkout or archive from which it was installed.
+    No package index has it, so a package of that name there would be a stranger's.
 
     Raises
     ------
     OptionError
-        Where it is not known.
+        When that place is not known.
     """
     try:
         answer = distribution("toposeam").read_text("direct_url.json")

@@ -1,4 +1,4 @@
-"""Pictures that shape a motif or lend it their colours."""
+"""Pictures from which a motif takes its shape or its colours."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def read_colours(text: str, folder: Path = Path()) -> str | Palette | np.ndarray
             raise ts.ImageError(
                 f"the palette's picture '{text}' is transparent everywhere; give one with colours"
             )
-        return np.expand_dims(picture.pixels[picture.covered()], 0)  # a row of what can be seen
+        return np.expand_dims(picture.pixels[picture.covered()], 0)  # a row of the visible pixels
     return text
 
 
@@ -40,7 +40,7 @@ def _palette(colours: np.ndarray, of: str) -> Palette:
 
 
 def read_theme(path: Path) -> np.ndarray:
-    """Return a base image, with its alpha where it has one.
+    """Return the picture of a theme as a motif's base, with its alpha if it has one.
 
     Raises
     ------

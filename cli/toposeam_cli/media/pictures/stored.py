@@ -1,4 +1,4 @@
-"""Pictures whose pixels lie in a file of raw values, and are read by windows."""
+"""Pictures whose pixels are in a file of raw values and are read by windows."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from toposeam_cli.files.scratch import Scratch
 from toposeam_cli.media.pictures.libvips import channels
 from toposeam_cli.media.pictures.picture import Picture, read_strips
 
-#: Rows that are copied at once.
+#: Rows that are copied at a time.
 _ROWS = 256
 
 
 def read_stored(path: Path, max_pixels: int, file: Path) -> Picture:
-    """Read a picture a few rows at a time into a file that exists; leave out opacity that is full everywhere.
+    """Read a picture a few rows at a time into an existing file, without alpha if it is opaque everywhere.
 
     Raises
     ------
     ImageError
     OSError
-        When there is no space.
+        When the disk is full.
     """
     like, height = None, 0
     with file.open("r+b") as target:
@@ -50,7 +50,7 @@ def store(
     Raises
     ------
     OutputError
-        When there is no space.
+        When the disk is full.
     """
     file = scratch.new()
     parts = _parts(picture)
@@ -64,7 +64,7 @@ def stored_at(file: Path, parts: Iterable[Picture]) -> Picture:
     Raises
     ------
     OSError
-        When there is no space.
+        When the disk is full.
     """
     parts, height = iter(parts), 0
     first = next(parts)
@@ -81,7 +81,7 @@ def stored_in(file: Path, picture: Picture) -> Picture:
     Raises
     ------
     OSError
-        When there is no space.
+        When the disk is full.
     """
     return stored_at(file, _parts(picture))
 

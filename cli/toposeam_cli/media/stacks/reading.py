@@ -12,12 +12,12 @@ from toposeam_cli.media.stacks.stack import Stack
 from toposeam_cli.media.stacks.tiff import read_tiff
 from toposeam_cli.media.stacks.zarr_folder import read_zarr
 
-#: Voxels that a stack may have unless something else is said.
+#: Most voxels of a stack by default.
 MOST_VOXELS = 10_000_000_000
 
 
 def read_stack(path: Path, most: float = MOST_VOXELS) -> Stack:
-    """Open a stack of at most so many voxels, channels counted.
+    """Open a stack of at most `most` voxels, each channel counted.
 
     Raises
     ------

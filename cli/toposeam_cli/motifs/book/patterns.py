@@ -128,7 +128,7 @@ def shown_at(drawn: np.ndarray, dpi: float | None) -> Picture:
 def _sharp(
     motif: str, across: int, inks: int | None = None, edge: str | None = None
 ) -> tuple[ts.motif.Motif, np.ndarray]:
-    """Return a motif and the piece of its pattern that repeats by translation, with motifs `across` px wide."""
+    """Return a motif and the piece of its pattern that repeats by translation, motifs `across` px wide."""
     made = ts.generate_motif(ts.motif.simplify(read_recipe(Path(motif)), inks=inks, edge=edge))
     height, width = made.densities.shape[1:]
     size = (max(1, round(across * height / width)), across)

@@ -13,7 +13,7 @@ _THUMBNAIL = 28
 
 
 class DrawableChoice:
-    """The list, which sets the option; without anything to choose from it is empty."""
+    """A list that sets an option to one of several drawables."""
 
     def __init__(
         self,
@@ -48,7 +48,7 @@ class DrawableChoice:
 
 
 def choices(image: Gimp.Image, besides: Iterable[Gimp.Drawable]) -> Iterator[tuple[Gimp.Drawable, str]]:
-    """Yield the drawables of an image that can be copied from, with their names: layers, masks, channels."""
+    """Yield the drawables of an image that can be a source, with their names: layers, masks, channels."""
     own = {drawable.get_id() for drawable in besides}
     layers = list(_all(image.get_layers()))
     for layer in layers:

@@ -142,7 +142,7 @@ def main(arguments: list[str] | None = None) -> int:
     if not waits and (len(arguments) not in (1, 2) or not Path(arguments[0]).is_dir()):
         print("usage: python -m toposeam_engine FOLDER   (the GIMP plug-in calls it)", file=sys.stderr)  # noqa: T201
         return 2
-    # What libraries print must not end up between the events.
+    # Output of libraries must not get between the events.
     channel = Channel(os.fdopen(os.dup(1), "w", encoding="utf-8"))
     os.dup2(2, 1)
     asker = Asker()

@@ -39,7 +39,7 @@ class OffsetType(click.ParamType):  # type: ignore[type-arg]  # generic only sin
     """``X,Y`` in whole pixels; for clips ``T,X,Y``, T in frames."""
 
     name = "X,Y"
-    #: What stands between two numbers.
+    #: Separator of two numbers.
     sign = ","
 
     def convert(
@@ -85,7 +85,7 @@ class LengthType(click.ParamType):  # type: ignore[type-arg]
 class PairType(click.ParamType):  # type: ignore[type-arg]
     """Two whole numbers ``AxB``, or one for both: WIDTHxHEIGHT, or COLUMNSxROWS of `cells`."""
 
-    #: What stands between two numbers.
+    #: Separator of two numbers.
     sign = "x"
 
     def __init__(self, cells: bool = False) -> None:

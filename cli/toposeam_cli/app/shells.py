@@ -48,7 +48,7 @@ class PowershellComplete(ShellComplete):
     def get_completion_args(self) -> tuple[list[str], str]:
         """Return the words before the one being typed, and that one."""
         words = split_arg_string(os.environ["COMP_WORDS"])[1:]
-        incomplete = os.environ.get("COMP_CWORD", "")  # what is empty PowerShell takes out of the environment
+        incomplete = os.environ.get("COMP_CWORD", "")  # PowerShell removes empty variables
         if incomplete and words:
             words = words[:-1]
         return words, incomplete.strip("'\"")

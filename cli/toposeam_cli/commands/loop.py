@@ -31,7 +31,7 @@ from toposeam_cli.media.pictures.masks import read_white
 
 
 class DurationType(click.ParamType):  # type: ignore[type-arg]
-    """``N`` frames or ``Ns`` seconds; where a range is meant, also ``N-N``."""
+    """``N`` frames or ``Ns`` seconds; for a range also ``N-N``."""
 
     def __init__(self, ranges: bool = False) -> None:
         self._ranges = ranges

@@ -75,8 +75,8 @@ def choose_frames(frames: tuple[ts.optimize.Frame, ...], count: int) -> list[ts.
     visible = np.flatnonzero(lines >= 0.5 * lines[-1])
     if len(visible) <= count:
         return [frames[index] for index in visible]
-    # How much of the heat moved from each frame to the next; densities that all change by one factor move
-    # none. The last term is for time, which keeps frames apart that hardly differ.
+    # Share of the heat that moves from each frame to the next; a common factor of all densities moves none.
+    # The last term, for time, keeps frames apart that hardly differ.
     shares = [values / max(total, 1e-9) for values, total in zip(drawn, amount, strict=True)]
     steps = [0.5 * np.abs(after - before).sum() for before, after in pairwise(shares)]
     position = np.concatenate([[0.0], np.cumsum(steps)]) + 0.02 * np.arange(len(frames))

@@ -41,7 +41,7 @@ class Profile:
 
     @property
     def title(self) -> str:
-        """For people."""
+        """Name of the profile in messages."""
         return f"{self.kind} {self.version}" if self.version else str(self.plug_ins)
 
 

@@ -20,7 +20,7 @@ class Program:
     version: str
     #: The program that runs without a window; None where only its sandbox is known.
     console: str | None
-    #: As in :class:`toposeam_cli.gimp.folders.Profile`: "GIMP" or "Flatpak".
+    #: Kind of installation as in :class:`toposeam_cli.gimp.folders.Profile`: "GIMP" or "Flatpak".
     kind: str = "GIMP"
 
     @property

@@ -123,7 +123,7 @@ class TaskCrew:
             When workers die of an item.
         """
         waiting, ahead = enumerate(items), _AHEAD * self.start().count
-        said: dict[int, bytes] = {}
+        arrived: dict[int, bytes] = {}
         begun = yielded = 0
 
         def ready() -> tuple[int, Any] | None:
@@ -135,13 +135,13 @@ class TaskCrew:
         def values() -> Iterator[Any]:
             nonlocal yielded
             for number, answer in answers:
-                said[number] = answer
-                while yielded in said:
-                    value = self._value(said.pop(yielded))
+                arrived[number] = answer
+                while yielded in arrived:
+                    value = self._value(arrived.pop(yielded))
                     yielded += 1
                     yield value
 
-        answers = self._said(function, ready)
+        answers = self._answered(function, ready)
         return values()
 
     def stream(
@@ -155,10 +155,10 @@ class TaskCrew:
         WorkersDiedError
             When workers die of an item.
         """
-        for number, answer in self._said(function, ready):
+        for number, answer in self._answered(function, ready):
             yield number, self._value(answer)
 
-    def _said(
+    def _answered(
         self, function: Callable[[Any], Any], ready: Callable[[], tuple[int, Any] | None]
     ) -> Iterator[tuple[int, bytes]]:
         """Yield the numbered results of items from workers, which begin at once."""
@@ -194,12 +194,12 @@ class TaskCrew:
         begin: Callable[[], None],
     ) -> Iterator[tuple[int, bytes]]:
         """Yield the results of calls until none is left and `begin` begins no others."""
-        said: list[tuple[int, bytes]] = []
+        arrived: list[tuple[int, bytes]] = []
         deaths: Counter[int] = Counter()
         while True:
             begin()
-            if said:
-                yield said.pop(0)
+            if arrived:
+                yield arrived.pop(0)
                 continue
             if not calls:
                 return
@@ -207,7 +207,7 @@ class TaskCrew:
                 number = int(name)
                 if answer is not None:
                     del calls[number]
-                    said.append((number, answer))
+                    arrived.append((number, answer))
                     self.received += len(answer)
                     kind.update(received=len(answer))
                     continue
@@ -219,9 +219,9 @@ class TaskCrew:
                     )
                 again.append(number)
 
-    def _value(self, said: bytes) -> Any:
+    def _value(self, answer: bytes) -> Any:
         with self._failures_reported():
-            succeeded, value = pickle.loads(said)  # noqa: S301 - from a worker of ours
+            succeeded, value = pickle.loads(answer)  # noqa: S301 - from a worker of ours
             if not succeeded:
                 raise value
             return value

@@ -73,7 +73,7 @@ class DaskWorkers(Workers):
         for _ in range(self.attempts):
             try:
                 answers = self._client.run(look, on_error="return")
-            except Exception as error:  # whatever cannot be sent there, or comes from there
+            except Exception as error:  # from sending the check, or from the workers
                 raise OptionError(
                     f"the Dask workers cannot run TopoSeam ({_first_line(error)}); {remedy}"
                 ) from error

@@ -123,7 +123,7 @@ def read_layout(path: Path) -> Layout:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _View:
-    """How the canvas shows directions."""
+    """The projection of directions onto the canvas."""
 
     projection: Projection = "flat"
     radius: float = math.nan

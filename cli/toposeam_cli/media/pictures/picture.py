@@ -87,7 +87,7 @@ _WEBP = _Format(
     options={"lossless": True, "exact": True, "effort": 2},
 )
 
-#: How TIFF files may be compressed.
+#: Compressions of TIFF files.
 COMPRESSIONS = ("deflate", "lzw", "none")
 
 _FORMATS = {".png": _PNG, ".tif": _TIFF, ".tiff": _TIFF, ".jpg": _JPEG, ".jpeg": _JPEG, ".webp": _WEBP}

@@ -45,7 +45,8 @@ def read_stored(path: Path, max_pixels: int, file: Path) -> Picture:
 def store(
     picture: Picture, convert: Callable[[Picture], Picture] | None = None, *, scratch: Scratch
 ) -> Picture:
-    """Return the same picture, or what it is converted to by rows, its pixels in a file.
+    """Write the pixels of a picture to a file, converted by rows if `convert` is given; return the picture
+    over it.
 
     Raises
     ------
@@ -59,7 +60,7 @@ def store(
 
 
 def stored_at(file: Path, parts: Iterable[Picture]) -> Picture:
-    """Return the picture whose rows come part by part, its pixels in a file that exists.
+    """Write a picture that comes in parts of some rows to an existing file; return the picture over it.
 
     Raises
     ------
@@ -76,7 +77,7 @@ def stored_at(file: Path, parts: Iterable[Picture]) -> Picture:
 
 
 def stored_in(file: Path, picture: Picture) -> Picture:
-    """Return the same picture, its pixels in a file that exists.
+    """Write the pixels of a picture to an existing file; return the picture over it.
 
     Raises
     ------
@@ -98,8 +99,8 @@ def stored_picture(path: Path, like: Picture, height: int, width: int) -> Pictur
 
 
 def _add_opacity(target: BinaryIO, picture: Picture) -> None:
-    """Rewrite the file of an opaque picture in place with its opacity, and go on behind it. The last rows
-    come first: what is written lies behind what is still to be read.
+    """Rewrite the file of an opaque picture in place with an opacity, and leave the file's position at its
+    end. The last rows are moved first, so that no row is overwritten before it is read.
     """
     (height, width), dtype = picture.pixels.shape[:2], picture.pixels.dtype
     line = width * (channels(picture.pixels) + 1) * dtype.itemsize

@@ -75,12 +75,12 @@ def dask_setup(worker: Any) -> None:
     import pickle
 
     from toposeam_cli.jobs import crew
-    from toposeam_cli.jobs.handing import Handing
+    from toposeam_cli.jobs.array_files import ArrayFiles
     from toposeam_cli.media.pictures.raw import Stored
 
     counted: Counter[str] = Counter()
     current = [""]
-    read, place, done = Stored.read, Handing._path, crew.done
+    read, place, done = Stored.read, ArrayFiles._path, crew.done
     path = Path(os.environ[COUNTED]) / f"{os.getpid()}.json"
 
     def counted_read(self: Stored, rows: slice, columns: slice) -> Any:
@@ -88,7 +88,7 @@ def dask_setup(worker: Any) -> None:
         counted[f"bytes read {current[0]}"] += values.nbytes
         return values
 
-    def counted_place(self: Handing, owner: Any, folder: Path) -> Path:
+    def counted_place(self: ArrayFiles, owner: Any, folder: Path) -> Path:
         before = self.written
         found = place(self, owner, folder)
         counted["bytes of tables"] += self.written - before
@@ -102,7 +102,7 @@ def dask_setup(worker: Any) -> None:
         path.write_text(json.dumps(counted))
         return result
 
-    Stored.read, Handing._path, crew.done = counted_read, counted_place, counted_done  # type: ignore
+    Stored.read, ArrayFiles._path, crew.done = counted_read, counted_place, counted_done  # type: ignore
 
 
 @dataclass

@@ -1,5 +1,5 @@
-"""Start and end of the command's process: no traceback at any moment, whatever signals come and wherever the
-output goes.
+"""Start and end of the command's process. It prints no traceback at any moment, whatever signals come and
+wherever the output goes.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ _LATER = ("SIGINT", "SIGTERM", "SIGHUP")
 def start() -> None:
     """Run the command line and end the process."""
     if signal.getsignal(signal.SIGINT) == signal.default_int_handler:
-        signal.signal(signal.SIGINT, signal.SIG_DFL)  # while the libraries load it ends us without a word
+        signal.signal(signal.SIGINT, signal.SIG_DFL)  # while the libraries load, Ctrl-C ends us silently
     try:
         import click  # noqa: F401 - what the library alone comes without
     except ModuleNotFoundError:
@@ -46,15 +46,15 @@ def start() -> None:
 
 
 def _deaf() -> None:
-    """Ignore signals: all is tidied away, and the rest is ours alone."""
+    """Ignore signals from now on, as all is tidied away."""
     for name in _LATER:
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
 
 
 def _flushed(*, quiet: bool) -> bool:
-    """Test whether all printed text has arrived; Python itself would print a traceback. `quiet`: an error was
-    reported already, and one sentence is enough.
+    """Flush the output; return whether all of it has arrived. Python itself would print a traceback. With
+    `quiet` a failure is not reported, as an error was.
     """
     arrived = True
     for stream in (sys.stdout, sys.stderr):

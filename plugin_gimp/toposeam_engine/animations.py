@@ -1,4 +1,4 @@
-"""The engine's operations on animations: a clip that runs into its beginning."""
+"""The engine's operation on animations: a clip becomes a loop."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from toposeam_engine.layers import colours_of, with_alpha
 
 
 def loop(job: EngineJob) -> dict[str, Any]:
-    """Return the frames of a loop, and which frame of the clip it begins with."""
+    """Return the frames of a loop, and the number of the clip's frame with which it begins."""
     made = looped(job)
     return {"frames": [job.write(with_alpha(frame, None)) for frame in made.frames], "start": made.start}
 
 
 def looped(job: EngineJob) -> ts.volume.Loop:
-    """Return the loop itself."""
+    """Compute the loop of a request."""
     frames = []
     for raster in job.request["layers"]:
         image, alpha = colours_of(job, raster)

@@ -1,4 +1,4 @@
-"""A request of the plug-in as operations see it."""
+"""A request of the plug-in, the argument of operations."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _DTYPES = ("uint8", "uint16", "float32")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EngineJob:
-    """A request, its pixels, and where results go."""
+    """A request, with its pixels and the files of its results."""
 
     folder: Path
     request: Mapping[str, Any]
@@ -25,9 +25,7 @@ class EngineJob:
         return dict(self.request.get("options", {}))
 
     def read(self, raster: Mapping[str, Any]) -> Any:
-        """Return the (H, W) or (H, W, C) pixels of a raster that the request describes, mapped and not
-        loaded, read-only.
-        """
+        """Map the (H, W) or (H, W, C) pixels of a raster of the request, read-only."""
         import numpy as np
 
         from toposeam.errors import ImageError
@@ -52,7 +50,7 @@ class EngineJob:
         return pixels if shape[2] > 1 else pixels[..., 0]
 
     def write(self, pixels: Any) -> dict[str, Any]:
-        """Put (H, W) or (H, W, C) pixels into a file of their own; what describes it in the result."""
+        """Write (H, W) or (H, W, C) pixels to a new file; return its description for the result."""
         import numpy as np
 
         name = f"result-{len(self._written)}.raw"

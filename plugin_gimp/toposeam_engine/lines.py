@@ -1,4 +1,4 @@
-"""Lines of seams as the asker needs them: exact, and as few curves for people to bend."""
+"""Lines of seams for the asker: exact, and as a few curves that people can bend."""
 
 from __future__ import annotations
 
@@ -11,17 +11,18 @@ import toposeam as ts
 from toposeam.arrays import Floats
 from toposeam.vector.smooth import TOLERANCES_PX
 
-#: Longer lines are followed less closely at once: they wander too much for few curves.
+#: Length above which curves follow a line less closely, px, as it winds too much for a few curves.
 _LONG_PX = 1500
-#: A line that was found may end so many points farther on than one that was traced again.
+#: Most points by which a found line may extend beyond one that was traced again.
 _REACH = 5
 
 
 def lines_of(
     paths: Iterable[ts.vector.Polyline], shift: Floats, known: Sequence[Mapping[str, Any]] = ()
 ) -> list[dict[str, Any]]:
-    """Return the curves of lines, and the exact pieces that each of these stands for; where a known line, on
-    the asker's canvas, ran the same way, its curves are kept, and people wait for the others.
+    """Return the curves of lines, and the exact pieces of each curve. Where a known line, on the asker's
+    canvas, runs the same way its curves are kept. Beside known lines others are fitted coarsely at once, as
+    people wait for them.
     """
     lines = []
     for path in paths:
@@ -41,11 +42,11 @@ def _smooth(
 
 
 class _Alike(NamedTuple):
-    """How far a line runs as a known one does, in points a pixel apart."""
+    """The agreement of a line with a known one, in points a pixel apart."""
 
     first: int
     last: int
-    #: By how many points the known one begins before it, and ends after it.
+    #: Points by which the known line begins before it, and ends after it.
     before: int
     after: int
     known: Mapping[str, Any]
@@ -54,7 +55,9 @@ class _Alike(NamedTuple):
 def _like_known(
     line: ts.vector.Polyline, known: Sequence[Mapping[str, Any]]
 ) -> tuple[list[list[float]], list[list[float]]] | None:
-    """Curves and pieces of which those at both ends are a known line's; None where nothing is alike."""
+    """Return curves and pieces, of which those at both ends are a known line's; None if the lines do not
+    agree.
+    """
     new = _dense(line.points)
     found = [_alike(new, other) for other in known if not line.closed and not other["closed"]]
     best = max(found, key=lambda alike: alike.first + alike.last, default=None)
@@ -89,26 +92,26 @@ def _alike(new: Floats, other: Mapping[str, Any]) -> _Alike:
 
 
 def _place(line: Floats, point: Floats) -> int:
-    """Where among the first points of a line one lies; 0 where it does not."""
+    """Return the index of a point among the first points of a line; 0 if it is none of them."""
     near = np.flatnonzero((np.abs(line[:_REACH] - point) < 1e-6).all(axis=1))
     return int(near[0]) if len(near) else 0
 
 
 def _same(old: Floats, new: Floats) -> int:
-    """How many points agree from the start."""
+    """Count the equal points from the start on."""
     same = (np.abs(old - new) <= 1e-6).all(axis=1)
     return len(old) if bool(same.all()) else int(same.argmin())
 
 
 def _points(pieces: Sequence[Sequence[float]]) -> Floats:
-    """The points of pieces, one after another."""
+    """Join the points of pieces."""
     parts = [np.reshape(piece, (-1, 2)) for piece in pieces]
     joined: Floats = np.concatenate([parts[0], *(part[1:] for part in parts[1:])])
     return joined
 
 
 def _dense(points: Floats) -> Floats:
-    """Points at most a pixel apart along a line, its own among them."""
+    """Return points at most a pixel apart along a line, which include its own."""
     steps = np.diff(points, axis=0)
     count = np.maximum(np.ceil(np.abs(steps).max(axis=1) - 1e-9), 1).astype(int)
     at = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)

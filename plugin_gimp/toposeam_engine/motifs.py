@@ -15,7 +15,7 @@ from toposeam_engine.job import EngineJob
 
 
 def motif(job: EngineJob) -> dict[str, Any]:
-    """Return layers of ink: a density per ink, the inks' and the paper's colours, and the recipe."""
+    """Invent a motif: a density per ink, the colours of inks and paper, and the recipe."""
     made = generated(job)
     return {
         "inks": [to_hex(ink) for ink in made.inks],
@@ -26,7 +26,7 @@ def motif(job: EngineJob) -> dict[str, Any]:
 
 
 def generated(job: EngineJob) -> ts.motif.Motif:
-    """Return the motif itself."""
+    """Compute the motif of a request."""
     options = job.options
     size = options.pop("size")
     if not options["mass"]:
@@ -42,9 +42,7 @@ def generated(job: EngineJob) -> ts.motif.Motif:
 
 
 def repeat(job: EngineJob) -> dict[str, Any]:
-    """Return densities laid side by side by a rule, which one, and the colours where a palette was asked
-    for.
-    """
+    """Lay densities side by side by a rule; return them, the rule, and the colours if a palette was given."""
     densities, rule = repeated(job)
     result = {"densities": [job.write(density) for density in densities], "repeat": rule}
     name = str(job.options.get("palette", "own"))
@@ -55,7 +53,7 @@ def repeat(job: EngineJob) -> dict[str, Any]:
 
 
 def repeated(job: EngineJob) -> tuple[list[npt.NDArray[Any]], str]:
-    """Return the pattern's densities, and the rule they were laid by."""
+    """Return the pattern's densities, and the rule by which they were laid."""
     rows, columns = int(job.options["rows"]), int(job.options["columns"])
     rule = str(job.options.get("repeat", "own"))
     if rule == "own":

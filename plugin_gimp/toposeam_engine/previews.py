@@ -1,9 +1,8 @@
-"""Previews of a request's result, as one small picture: the dialogs show it while options change.
+"""Previews of a request's result, one small picture each, which the dialogs show while options change.
 
-Of an animation it is all frames, one below the other.
+That of an animation has all frames, one below the other.
 
-The asker sends reduced pixels and says by how much they are reduced; lengths in px among the options shrink
-alike.
+The asker sends reduced pixels and the scale; options that are lengths in px are reduced by it, too.
 """
 
 from __future__ import annotations
@@ -24,22 +23,22 @@ from toposeam_engine.job import EngineJob
 from toposeam_engine.layers import colours_of, layers_of, with_alpha
 from toposeam_engine.places import framed
 
-#: Options that are lengths, and the least that still means something.
+#: Options that are lengths, and their least useful values, px.
 _LENGTHS = {"blend_width": 1, "patch": 8, "overlap": 2, "band": 4, "width": 16, "height": 16}
-#: Motifs are made at this size at most, and with as many iterations: first in short, then as they will be.
+#: Largest size of a motif, px, and most iterations: in a first preview, and in the final one.
 _MOTIF_PX, _MOTIF_ITERATIONS = {False: 96, True: 384}, {False: 18, True: 80}
-#: Pixels of a preview that was made at full size.
+#: Most pixels of a preview that was made at full size.
 _MOST_SHOWN = 400_000
-#: Values of what is not copied from are divided by this.
+#: Divisor of the values of pixels that are not copied.
 _DARKER = 3
 
 
 def preview(job: EngineJob) -> dict[str, Any]:
-    """Return the picture of what an operation would give, (H, W, 4) or (H, W, 2) with opacity last."""
+    """Return the picture of an operation's result, (H, W, 4) or (H, W, 2) with opacity last."""
     options = _reduced(job.options, float(job.request["scale"]))
     if "places" in job.request:
         options["places"] = job.request["places"]
-    for name in ("width", "height"):  # of a texture, of which only a part is shown
+    for name in ("width", "height"):  # sizes of a texture, of which only a part is shown
         if name in options:
             options[name] = max(int(options[name] * float(job.request.get("extent", 1))), _LENGTHS[name])
     shows = _COPIED if job.request.get("copied") else _BEFORE if job.request.get("before") else _SHOWN
@@ -50,7 +49,7 @@ def preview(job: EngineJob) -> dict[str, Any]:
 
 
 def _reduced(options: dict[str, Any], scale: float) -> dict[str, Any]:
-    """Return the options for pixels that were reduced; 0 stays what it stands for."""
+    """Return the options for reduced pixels; 0 keeps its meaning."""
     return {
         name: max(type(value)(value * scale), _LENGTHS[name]) if value and name in _LENGTHS else value
         for name, value in options.items()
@@ -88,7 +87,7 @@ def _with_seams(job: EngineJob, found: ts.layers.Composition) -> Image:
 
 
 def _stacked(job: EngineJob) -> Image:
-    """Layers on each other, as they lie."""
+    """Return the layers on each other at their places."""
     layers = layers_of(job)
     canvas = ts.layers.common_canvas(layers)
     first = with_alpha(layers[0].image, None)
@@ -122,7 +121,7 @@ def _unfilled(job: EngineJob) -> Image:
 
 
 def _copied(job: EngineJob) -> Image:
-    """What a hole is filled from, bright, and all else of it dark."""
+    """Return the layer of a hole, dark where it is not copied."""
     if job.options.get("from") == "other" and not job.request["source"].get("is_mask"):
         return _small(with_alpha(*colours_of(job, job.request["source"])))
     shown = _layer(job)
@@ -142,18 +141,18 @@ def _fill(job: EngineJob) -> Image:
 
 
 def _cut(job: EngineJob, picture: Image) -> Image:
-    """What is shown of a picture that was made at full size."""
+    """Return the shown part of a picture that was made at full size."""
     left, top, width, height = job.request.get("shown") or (0, 0, picture.shape[1], picture.shape[0])
     return _small(picture[top : top + height, left : left + width])
 
 
 def _darken(picture: Image, where: Mask) -> None:
-    """Darken the pixels that are not copied from."""
+    """Darken the pixels that are not copied."""
     picture[where, :-1] //= _DARKER
 
 
 def _small(picture: Image) -> Image:
-    """The picture reduced by a whole number to what a preview needs."""
+    """Return the picture reduced by a whole factor to the size of a preview."""
     step = math.ceil(math.sqrt(picture.shape[0] * picture.shape[1] / _MOST_SHOWN))
     height, width = (max(length // step, 1) for length in picture.shape[:2])
     blocks = picture[: height * step, : width * step].reshape(height, step, width, step, -1)
@@ -199,12 +198,12 @@ _SHOWN: dict[str, Callable[[EngineJob], Image]] = {
     "repeat": _repeat,
     "loop": _loop,
 }
-#: What there was before.
+#: Functions that draw the state before an operation.
 _BEFORE: dict[str, Callable[[EngineJob], Image]] = {
     "stitch": _stacked,
     "patch": _stacked,
     "make_tileable": _tiled,
     "fill": _unfilled,
 }
-#: What a result is made from.
+#: Functions that draw the source of a result.
 _COPIED: dict[str, Callable[[EngineJob], Image]] = {"fill": _copied}

@@ -1,4 +1,4 @@
-"""Tiny previews of nothing, so that what libraries load at their first use is loaded when people ask."""
+"""Previews of tiny made-up layers, so that libraries have loaded all they need before the first request."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _SIDE = 48
 
 
 class _Rehearsal(EngineJob):
-    """A job whose pixels are made up, and whose results go nowhere."""
+    """A job with made-up pixels, whose results are dropped."""
 
     def read(self, raster: Mapping[str, Any]) -> Any:
         shape = int(raster["height"]), int(raster["width"]), int(raster["channels"])
@@ -36,7 +36,7 @@ class _Rehearsal(EngineJob):
 
 
 def rehearse(of: str) -> None:
-    """Make a picture of what a dialog will show, or join tiny layers again; nothing for what is not known."""
+    """Make a dialog's preview of tiny layers, or join them again; unknown names do nothing."""
     request = _requests().get(of)
     if request is not None:
         job = _Rehearsal(

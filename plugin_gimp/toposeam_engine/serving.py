@@ -12,12 +12,12 @@ on stdout, one JSON object a line::
     {"event": "result", "result": {…}}                  or what went wrong:
     {"event": "error", "message": "what to do", "kind": "apart", "parameter": null, "data": {"name": "sky"}}
 
-With the name of an operation it loads what that needs before the nonce comes, while pixels are written.
-Called with ``-`` in place of a folder, and perhaps with what previews will be of, it loads its libraries and
-serves one request after another, as previews are: each is two lines on stdin, the folder's name and its
-nonce, and comes to one result or error.
+With the name of an operation it loads that operation's modules before the nonce comes, while pixels are
+written. Called with ``-`` in place of a folder, and perhaps with names of previews, it loads its libraries
+and serves one request after another, as for previews: each is two lines on stdin, the folder's name and its
+nonce, and gets one result or error.
 
-It ends when its stdin is closed, and takes the folder it works on with it: then the asker is gone. To
+It ends when its stdin is closed, as the asker has ended then, and removes the folder on which it works. To
 cancel, end the process.
 """
 
@@ -40,13 +40,13 @@ from toposeam.errors import Interval, Term, TopoSeamError
 from toposeam.sentence import as_told, printable
 from toposeam_engine.job import EngineJob
 
-#: Raised when requests or results change their meaning.
+#: Version of the protocol, to be raised when requests or results change their meaning.
 PROTOCOL = 4
 #: The file with the nonce in a request's folder; the plug-in writes it.
 MARKER = "toposeam-request"
 _LONGEST_NONCE = 200
 _LONGEST_LINE = 4096
-#: What can be asked for, and the module whose function of that name does it; loaded when it is wanted.
+#: The operations, and the module of each, whose function of that name does it; loaded on demand.
 OPERATIONS = {
     "stitch": "seams",
     "restitch": "restitching",
@@ -63,7 +63,7 @@ _HEARTBEAT_S = 2.0
 
 
 class Channel:
-    """The line back to the asker; used from several threads."""
+    """The events to the asker; used from several threads."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
@@ -77,7 +77,7 @@ class Channel:
             self._stream.flush()
 
     def progress(self, share: float) -> None:
-        """Report the share of the work done; steps too small to be seen are left out."""
+        """Report the share of the work done, in [0, 1]; invisibly small steps are left out."""
         if share >= self._share + 0.002 or share >= 1.0 > self._share:
             self._share = share
             self.send("progress", share=round(min(max(share, 0.0), 1.0), 4))
@@ -88,8 +88,8 @@ class Channel:
 
 
 class Asker:
-    """The asking process, at the other end of stdin, which a thread reads: once it is closed, results are of
-    no use, and the engine cleans up.
+    """The asking process, at the other end of stdin, which a thread reads. Once stdin is closed nobody needs
+    results, and the engine cleans up.
     """
 
     def __init__(self) -> None:
@@ -101,11 +101,11 @@ class Asker:
         self._reader.start()
 
     def line(self) -> bytes | None:
-        """Return the next line; what stands before the end counts as one, and None is the end."""
+        """Return the next line; an incomplete last line counts, and None is the end."""
         return self._lines.get()
 
     def waits_for(self, folder: Path | None) -> None:
-        """Set the folder that is worked on, which is removed when the asker goes."""
+        """Set the folder in work, which is removed when the asker ends."""
         with self._lock:
             self._folder = folder
             gone = self._gone
@@ -113,7 +113,7 @@ class Asker:
             _leave(folder)
 
     def join_if_gone(self) -> None:
-        """Wait for the end of this process where a request was pulled away from under it."""
+        """Wait for the end of this process if the asker has ended, as the request's folder is then gone."""
         if self._gone and self._folder is not None:
             self._reader.join()
 
@@ -142,7 +142,7 @@ def main(arguments: list[str] | None = None) -> int:
     if not waits and (len(arguments) not in (1, 2) or not Path(arguments[0]).is_dir()):
         print("usage: python -m toposeam_engine FOLDER   (the GIMP plug-in calls it)", file=sys.stderr)  # noqa: T201
         return 2
-    # What libraries print must not end up between the events.
+    # Output of libraries must not get between the events.
     channel = Channel(os.fdopen(os.dup(1), "w", encoding="utf-8"))
     os.dup2(2, 1)
     asker = Asker()
@@ -153,7 +153,7 @@ def main(arguments: list[str] | None = None) -> int:
         for of in arguments[1:]:
             import_module("toposeam_engine.rehearsing").rehearse(of)
     except Exception as error:
-        channel.send("error", **told(error))
+        channel.send("error", **described(error))
         return 1
     threading.Thread(target=_beat, args=(channel,), daemon=True).start()
     if not waits:
@@ -166,7 +166,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _load_all() -> None:
-    """Load all that requests may need, which takes longer than most previews."""
+    """Load all modules that requests may need, which takes longer than most previews."""
     for module in set(OPERATIONS.values()):
         import_module(f"toposeam_engine.{module}")
 
@@ -182,14 +182,16 @@ def _answer(asker: Asker, channel: Channel, folder: Path, nonce: bytes | None) -
     except Exception as error:
         asker.join_if_gone()
         asker.waits_for(None)
-        channel.send("error", **told(error))
+        channel.send("error", **described(error))
         return 1
     channel.send("result", result=result)
     return 0
 
 
-def told(error: BaseException) -> dict[str, Any]:
-    """Describe an error for the asker: the sentence; and kind, parameter and data for one of its own."""
+def described(error: BaseException) -> dict[str, Any]:
+    """Describe an error for the asker: its sentence, and the kind, parameter and data with which the asker
+    makes its own.
+    """
     ours = as_told(error)
     data: dict[str, Any] = {}
     for name, value in ours.data.items():
@@ -206,8 +208,8 @@ def told(error: BaseException) -> dict[str, Any]:
     return {"message": printable(message), "kind": ours.kind, "parameter": ours.parameter, "data": data}
 
 
-def _check_folder(folder: Path, told: bytes) -> None:
-    """Refuse a folder that the asker did not make for this request: it would be removed at the end."""
+def _check_folder(folder: Path, expected: bytes) -> None:
+    """Refuse a folder that the asker did not make for this request, as it would be removed at the end."""
     from toposeam.errors import OptionError
 
     marker = folder / MARKER
@@ -215,7 +217,7 @@ def _check_folder(folder: Path, told: bytes) -> None:
     if marker.is_file() and not marker.is_symlink():
         with marker.open("rb") as file:
             nonce = file.read(_LONGEST_NONCE)
-    if not nonce or not hmac.compare_digest(nonce, told):
+    if not nonce or not hmac.compare_digest(nonce, expected):
         raise OptionError(
             f"'{folder}' is no request of TopoSeam's plug-in, and was left untouched; only GIMP calls "
             "the engine (after an update, run “toposeam gimp install” and start GIMP again)"

@@ -14,17 +14,18 @@ from toposeam.images import box_of, full_scale
 from toposeam_engine.job import EngineJob
 from toposeam_engine.layers import colours_of, place_of, with_alpha
 
-#: What is copied into a hole from around it comes from at least so near.
+#: Least width of the area round a hole from which the option `around` copies, px.
 _AROUND_PX = 48
-#: Of layers of more pixels a hole is filled from as far round it as so many times its longer side, and at
-#: least from so far, px, as :func:`toposeam.fill` does itself; nearer by, objects are repeated.
+#: Size above which only the surroundings of a hole are searched, pixels, and their width: as a multiple of
+#: the hole's longer side, and at least, px. :func:`toposeam.fill` does the same; in smaller surroundings
+#: objects are repeated.
 _LARGE, _AROUND, _LEAST_REACH = 1 << 20, 1.5, 512
 
 Part = tuple[slice, slice]
 
 
 class Sample(NamedTuple):
-    """Colours, opacity where it is not full everywhere, and what is selected."""
+    """The colours of a layer, its opacity unless it is opaque, and the selection."""
 
     image: Image
     alpha: npt.NDArray[Any] | None
@@ -32,13 +33,13 @@ class Sample(NamedTuple):
 
 
 def synthesize(job: EngineJob) -> dict[str, Any]:
-    """Return a texture of any size grown from a layer, or from the selected part of it."""
+    """Grow a texture of any size from a layer or its selected part."""
     made = synthesized(job)
     return {"picture": job.write(with_alpha(made.image, made.alpha))}
 
 
 def synthesized(job: EngineJob) -> ts.texture.Synthesis:
-    """Return the texture itself."""
+    """Compute the texture of a request."""
     sample, options = _sample(job), _usual(job.options, "patch", "overlap")
     return ts.synthesize(
         sample.image,
@@ -52,13 +53,13 @@ def synthesized(job: EngineJob) -> ts.texture.Synthesis:
 
 
 def make_tileable(job: EngineJob) -> dict[str, Any]:
-    """Return a layer that repeats."""
+    """Make a layer repeat."""
     made = made_tileable(job)
     return {"picture": job.write(with_alpha(made.image, made.alpha))}
 
 
 def made_tileable(job: EngineJob) -> ts.texture.Synthesis:
-    """Return the tile itself."""
+    """Compute the tile of a request."""
     sample, options = _sample(job), _usual(job.options, "band")
     return ts.make_tileable(
         sample.image, alpha=sample.alpha, data_range=_white(sample.image), progress=job.progress, **options
@@ -66,8 +67,8 @@ def made_tileable(job: EngineJob) -> ts.texture.Synthesis:
 
 
 class Filled(NamedTuple):
-    """The part of a layer that a hole was filled from, after that and before; where it lies in the layer, and
-    what of it may be copied, None where that is all, or another layer.
+    """The part of a layer from which its hole was filled, after and before; its place in the layer; and the
+    mask of pixels that may be copied, None for all of them or those of another layer.
     """
 
     image: Image
@@ -95,8 +96,8 @@ def fill(job: EngineJob) -> dict[str, Any]:
 def filled(job: EngineJob) -> Filled:
     """Fill the hole of a layer.
 
-    What may be copied is asked for by the option ``from``: `layer`, `around` the selection, or `other`, the
-    request's ``source``, which is another picture, or a mask that is white where the layer may be copied.
+    The option ``from`` names the source: `layer`, `around` the selection, or `other`, the request's
+    ``source``, which is another picture, or a mask that is white where the layer may be copied.
     """
     options = _usual(job.options, "patch", "overlap", "band")
     other = options.pop("from", "layer") == "other"
@@ -119,7 +120,7 @@ def filled(job: EngineJob) -> Filled:
 
 
 def copied_from(job: EngineJob) -> Mask:
-    """Return where a layer may be copied to fill its hole, (H, W) bool."""
+    """Return the mask of pixels of a layer that may fill its hole, (H, W) bool."""
     sample, part, source = _searched(job)
     raster = job.request["layer"]
     where = np.zeros((int(raster["height"]), int(raster["width"])), bool)
@@ -130,8 +131,8 @@ def copied_from(job: EngineJob) -> Mask:
 
 
 def _searched(job: EngineJob) -> tuple[Sample, Part, Mask | None]:
-    """Return the part of a layer that is looked at to fill its hole, where it lies, and what of it may be
-    copied: None where that is all, or another layer.
+    """Return the part of a layer that is searched to fill its hole, its place, and the mask of pixels that
+    may be copied: None for all of them or those of another layer.
     """
     where, hole = job.options.get("from", "layer"), _selected(job)
     if hole is None or not hole.any():
@@ -151,20 +152,20 @@ def _searched(job: EngineJob) -> tuple[Sample, Part, Mask | None]:
 
 
 def _surroundings(hole: Mask) -> Part:
-    """Return the part of a large layer that is looked at to fill a hole."""
+    """Return the part of a large layer that is searched to fill a hole."""
     longer = max(side.stop - side.start for side in box_of(hole))
     return box_of(hole, max(_LEAST_REACH, round(_AROUND * longer)))
 
 
 def _scarce(sample: Sample) -> bool:
-    """Test whether there is less to copy than twice what is selected."""
+    """Test whether the source has less than twice the pixels of the hole."""
     hole = np.asarray(sample.selected)
     there = ~hole if sample.alpha is None else ~hole & (sample.alpha > 0)
     return int(np.count_nonzero(there)) < 2 * int(np.count_nonzero(hole))
 
 
 def _white_of(job: EngineJob, shape: tuple[int, ...]) -> Mask:
-    """(H, W) bool on the layer: where the request's source, a mask, is white."""
+    """Return the (H, W) bool mask of the layer's pixels where the request's source, a mask, is white."""
     raster, (x, y) = job.request["source"], place_of(job.request["layer"])
     white, (left, top) = job.read(raster) >= 128, place_of(raster)
     result = np.zeros(shape, bool)
@@ -181,8 +182,8 @@ def _white_of(job: EngineJob, shape: tuple[int, ...]) -> Mask:
 def _beside(
     sample: Sample, other: Image, opacity: npt.NDArray[Any] | None
 ) -> tuple[Image, npt.NDArray[Any], Mask, Mask]:
-    """Return a picture that holds the sample and, to the right of it, another one; its opacity, the hole in
-    it, and the other one's place in it, which may be copied.
+    """Return a picture of the sample with another picture to its right; its opacity, the hole in it, and the
+    mask of the other picture, which may be copied.
     """
     (height, width), (tall, wide) = sample.image.shape[:2], other.shape[:2]
     shape = max(height, tall), width + wide
@@ -205,12 +206,12 @@ def _sample(job: EngineJob, part: Part = np.s_[:, :]) -> Sample:
 
 
 def _selected(job: EngineJob) -> Mask | None:
-    """(H, W) bool on the layer: what is selected; None without a selection."""
+    """Return the (H, W) bool selection on the layer; None without a selection."""
     return None if job.request.get("selection") is None else job.read(job.request["selection"]) >= 128
 
 
 def _around(selected: Mask) -> Mask:
-    """(H, W) bool: what lies within the selection's own size of it, and at least 48 px."""
+    """Return the (H, W) bool mask of the selection's box enlarged by its own size, at least by 48 px."""
     rows, columns = (np.flatnonzero(selected.any(axis=axis)) for axis in (1, 0))
     reach = max(len(rows), len(columns), _AROUND_PX)
     near = np.zeros(selected.shape, bool)
@@ -221,10 +222,10 @@ def _around(selected: Mask) -> Mask:
 
 
 def _usual(options: Mapping[str, Any], *names: str) -> dict[str, Any]:
-    """Return the options, 0 turned into None, which stands for the usual value, in those that know it."""
+    """Return the options with None, core's default, for 0 in those that have such a default."""
     return {name: None if name in names and not value else value for name, value in options.items()}
 
 
 def _white(image: Image) -> float | None:
-    """Return the white level: 1 in floats, though lights may go beyond it."""
+    """Return the white level: 1 for floats, whose highlights may be brighter."""
     return 1.0 if np.issubdtype(image.dtype, np.floating) else None

@@ -5,5 +5,5 @@ numerics are in the engine, a child process of an installed TopoSeam (:mod:`topo
 Modules whose first line says *GI-free* can be used and tested anywhere.
 """
 
-#: Must be the version of the TopoSeam that does the work.
+#: The version; that of the engine's TopoSeam must be equal.
 __version__ = "0.2.0"

@@ -1,5 +1,5 @@
-"""The plug-in as GIMP sees it: procedures made from the table, dialogs, and the one place where errors become
-messages.
+"""The plug-in's class for GIMP: procedures made from the table, dialogs, and the one place where errors
+become messages.
 """
 
 from __future__ import annotations
@@ -31,15 +31,16 @@ _SENSITIVE = {
 _PICTURES = Path(__file__).parent / "pictures"
 _ICONS = {LAYERS: "layers", TEXTURES: "textures", WALLPAPERS: "wallpapers"}
 _READ_WRITE = GObject.ParamFlags.READWRITE
-#: Pixels are read and written once, block by block; GEGL would keep far more bytes of them.
+#: Size of GEGL's tile cache, bytes. Pixels are read and written once, block by block, so that a larger one is
+#: useless.
 _TILES_KEPT = 16 << 20
 
 
 class TopoSeam(Gimp.PlugIn):  # type: ignore[misc]
-    """Filters → TopoSeam."""
+    """The plug-in Filters → TopoSeam."""
 
     def do_set_i18n(self, _name: str) -> bool:
-        """The texts come translated, see :mod:`toposeam_gimp.texts`."""
+        """Return False, as :mod:`toposeam_gimp.texts` translates the texts."""
         return False
 
     def do_query_procedures(self) -> list[str]:
@@ -112,7 +113,7 @@ def _run(
             return procedure.new_return_values(Gimp.PDBStatusType.CANCEL, None)
         call = replace(call, options={one.name: config.get_property(one.name) for one in entry.options})
         for option in entry.options:
-            if option.default is None:  # GIMP cannot write down which layer it was, and would complain
+            if option.default is None:  # GIMP cannot save which layer it was, and would print a warning
                 config.set_property(option.name, None)
         Gimp.progress_init(entry.title)
         layer = getattr(import_module(f"toposeam_gimp.actions.{name}"), function)(call)

@@ -1,7 +1,7 @@
-"""GI-free: what the engine cannot do, in GIMP's words and the user's language.
+"""GI-free: the engine's errors in GIMP's terms and the user's language.
 
-The engine speaks of masks and pixels as the library does; who sits at GIMP has selections and layers. An
-error has a kind, perhaps a parameter, and data; what is not in the table is shown as the engine says it.
+The engine's sentences are about masks and pixels; users of GIMP have selections and layers. An error has a
+kind, perhaps a parameter, and data. Errors that are not in the table are shown in the engine's words.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from toposeam_gimp.texts import _
 
 _MOST = _("“{parameter}” is {value}; choose a number, {most} at most.")
 
-#: By kind, or by kind and parameter: the sentence, or several, of which the first counts whose gaps can be
-#: filled.
+#: By kind, or by kind and parameter: the sentence, or several, of which the first is taken whose fields the
+#: data can fill.
 _SENTENCES = {
     "apart": (
         _("“{name}” overlaps no other layer; move it onto one."),
@@ -185,7 +185,7 @@ _SENTENCES = {
 
 
 def in_gimps_words(error: Mapping[str, Any]) -> str:
-    """Return an error of the engine as it makes sense in GIMP.
+    """Return the sentence for an error of the engine in GIMP's terms.
 
     Parameters
     ----------

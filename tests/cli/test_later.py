@@ -19,7 +19,7 @@ def test_what_a_stitch_never_uses_is_not_loaded(tmp_path):
 
 def test_what_is_loaded_later_is_there_when_it_is_used():
     code = (
-        "import numpy as np; from toposeam_cli.app.lazy_modules import loaded_later; loaded_later()\n"
+        "import numpy as np; from toposeam_cli.app.registry import loaded_later; loaded_later()\n"
         "import scipy.sparse\n"
         "print(np.ma.masked_equal([1, 2], 2).sum(), np.polynomial.Polynomial([1, 2])(3))\n"
         "from numpy.testing import assert_equal; assert_equal(1, 1); import numpy.ma.core, numpy.f2py\n"
@@ -31,7 +31,7 @@ def test_what_is_loaded_later_is_there_when_it_is_used():
 def test_what_is_there_already_stays_what_it_is():
     code = (
         "import sys, numpy.ma, numpy.testing; before = numpy.ma, numpy.testing\n"
-        "from toposeam_cli.app.lazy_modules import loaded_later\n"
+        "from toposeam_cli.app.registry import loaded_later\n"
         "loaded_later(('numpy.ma', 'numpy.testing', 'numpy.none'))\n"
         "print((numpy.ma, numpy.testing) == before, 'numpy.none' in sys.modules)"
     )

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import toposeam as ts
-from toposeam_cli.app.terms import speaking
+from toposeam_cli.app.registry import speaking
 from toposeam_cli.media.pictures.picture import Picture, write_picture
 
 ROOT = Path(__file__).parents[2]

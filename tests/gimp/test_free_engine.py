@@ -207,10 +207,10 @@ def test_warm_engines_make_previews_and_the_newest_is_shown(tmp_path, monkeypatc
 
 def test_an_engine_ends_before_what_it_has_started():
     running = engine.Engine(command=["sh", "-c", "sleep 120 & echo $!; wait"])
-    started = int(running.heard(60))
+    started = int(running.read_line(60))
     running.end()
     os.kill(started, signal.SIGKILL)  # it is still there
-    assert running.heard(60) is None
+    assert running.read_line(60) is None
 
 
 @pytest.mark.medium

@@ -19,7 +19,7 @@ from toposeam.checks import check_choice, check_number, check_whole
 from toposeam.errors import Term, TopoSeamError
 from toposeam.layers.registration import align
 from toposeam_engine.job import EngineJob
-from toposeam_engine.serving import OPERATIONS, told
+from toposeam_engine.serving import OPERATIONS, described
 from toposeam_gimp import sentences
 
 KOREAN = gettext.translation("toposeam_gimp", Path(toposeam_gimp.__file__).parent / "locale", ["ko"])
@@ -78,7 +78,7 @@ class Engine:
         try:
             work(job)
         except TopoSeamError as error:
-            return sentences.in_gimps_words(told(error))
+            return sentences.in_gimps_words(described(error))
         return None
 
 
@@ -144,7 +144,7 @@ def test_textures_of_all_sorts_of_layers(engine, operation, kind, selected):
 
 
 def test_unexpected_errors_name_no_command_line_remedy():
-    shown = sentences.in_gimps_words(told(IndexError("index 3 is out of bounds")))
+    shown = sentences.in_gimps_words(described(IndexError("index 3 is out of bounds")))
     assert "IndexError: index 3 is out of bounds" in shown
     assert_gimps(shown)
 
@@ -167,20 +167,23 @@ def test_settings_out_of_range_are_named_with_their_range(check, arguments, show
     *given, last = arguments
     with pytest.raises(TopoSeamError) as refused:
         check("mass", *given, above=True) if last == "above" else check("mass", *arguments)
-    assert sentences.in_gimps_words(told(refused.value)) == shown
+    assert sentences.in_gimps_words(described(refused.value)) == shown
 
 
 def test_the_engine_says_ranges_of_what_is_no_setting():
     with pytest.raises(TopoSeamError) as refused:
         check_number(Term("", "{sky}"), 7, 0, 1)
-    assert sentences.in_gimps_words(told(refused.value)) == "{sky} is 7; it must be a number between 0 and 1"
+    assert (
+        sentences.in_gimps_words(described(refused.value))
+        == "{sky} is 7; it must be a number between 0 and 1"
+    )
 
 
 def test_layers_that_repeat_themselves_are_named_in_gimps_words():
     found = {(i, j): (np.array([5.0 * (i == 0), 0]), 0.9, 10.0) for i, j in ((0, 1), (0, 2), (1, 2))}
     with pytest.raises(TopoSeamError, match="leave out aligning") as refused:
         align._agreed(["sky", "sea", "sand"], found | {(1, 2): (np.array([24.0, 0]), 0.9, 10.0)})
-    shown = sentences.in_gimps_words(told(refused.value))
+    shown = sentences.in_gimps_words(described(refused.value))
     assert "where these layers belong: sky and sea, sky and sand, sea and sand." in shown
     assert_gimps(shown)
 

@@ -1,6 +1,4 @@
-"""What all commands have in common on the command line: help in two lengths, and what people type instead of
-what is meant.
-"""
+"""The class of all commands: help in two lengths, and words that people type instead of ours."""
 
 from __future__ import annotations
 
@@ -13,11 +11,12 @@ import click
 
 #: These headings come after a command's own.
 _LAST = ("Output", "Speed and memory", "Help")
-#: How many lines of examples the short help shows.
+#: Lines of examples in the short help.
 _EXAMPLES = 2
-#: What asks for help in Windows.
+#: Words that ask for help in Windows.
 HELP_WORDS = ("/?", "/h", "/help", "-?")
-#: Where it is kept that all options are to be shown.
+#: Keys in the context of click: the words of the command line, and that all options are to be shown.
+WORDS = "toposeam.words"
 _ALL = "toposeam.help_all"
 
 
@@ -30,7 +29,7 @@ class HeadedOption(click.Option):
 
 
 def option(*names: str, heading: str, **settings: Any) -> Callable[[Any], Any]:
-    """:func:`click.option` with the heading under which ``--help-all`` shows it."""
+    """Define an option as :func:`click.option` does, with its heading in ``--help-all``."""
     return click.option(*names, cls=HeadedOption, heading=heading, **settings)
 
 
@@ -40,7 +39,7 @@ class Command(click.Command):
     Parameters
     ----------
     everyday : sequence of str
-        Names of the options that ``--help`` shows, in this order; none: it shows all.
+        Names of the options that ``--help`` shows, in this order. Without any, it shows all.
     """
 
     def __init__(self, *arguments: Any, everyday: Sequence[str] = (), **settings: Any) -> None:
@@ -61,7 +60,7 @@ class Command(click.Command):
         return [*parameters, self._help_all] if self.everyday else parameters
 
     def format_help_text(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write what the command does: in the short help its first paragraph and examples."""
+        """Write the description: in the short help its first paragraph and examples only."""
         whole = self.help
         if self.everyday and not ctx.meta.get(_ALL):
             self.help = _shortened(whole or "")
@@ -71,7 +70,7 @@ class Command(click.Command):
             self.help = whole
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the options: those of every day, or all under their headings."""
+        """Write the everyday options, or all under their headings."""
         if not self.everyday:
             super().format_options(ctx, formatter)
             return
@@ -89,7 +88,7 @@ class Command(click.Command):
             _section(ctx, formatter, heading, sections[heading])
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Parse the words, and those that people write instead."""
+        """Parse the words of the command line, with those that people write instead of ours."""
         try:
             return super().parse_args(ctx, self._meant(ctx, args))
         except click.NoSuchOption as error:
@@ -101,15 +100,16 @@ class Command(click.Command):
             ) from error
 
     def _owner(self, value: str) -> str | None:
-        """Return an option and its value, if the word is one of its choices."""
+        """Return an option with its value, if the word is one of its choices, else None."""
         for each in self.params:
             if isinstance(each.type, click.Choice) and value in each.type.choices:
                 return f"{max(each.opts, key=len)} {value}"
         return None
 
     def _meant(self, ctx: click.Context, args: Sequence[str]) -> list[str]:
-        """Return the words as click takes them: two numbers behind an option for a pair become one word, like
-        512x512; ``-output``, ``/o`` and ``-o=FILE`` become options, and Windows' words for help ours.
+        """Translate words to those that click takes: two numbers behind an option for a pair become one word,
+        like 512x512; ``-output``, ``/o`` and ``-o=FILE`` become options, and Windows' words for help become
+        ours.
         """
         parameters = self.get_params(ctx)
         names = {name for each in parameters for name in each.opts}

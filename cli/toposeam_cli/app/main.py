@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Mapping
 from typing import Any
@@ -10,43 +11,46 @@ import click
 from click.shell_completion import CompletionItem, get_completion_class
 
 from toposeam.sentence import sentence
-from toposeam_cli.app import remedies, shells
-from toposeam_cli.app.command import HELP_WORDS
+from toposeam_cli.app.command import HELP_WORDS, WORDS
 from toposeam_cli.app.registry import COMMANDS, CONTEXT, load
 from toposeam_cli.files.interruption import terminations_raised
 
 
 class Commands(click.Group):
-    """Turns what goes wrong into one sentence on stderr and a non-zero exit code."""
+    """The group of all commands. It turns each error into one sentence on stderr and a non-zero exit code."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Return the names of all commands."""
         return sorted({*COMMANDS, *super().list_commands(ctx)})
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Return the command of that name, imported only when it is wanted: Ctrl-C may come while the
-        numerics load.
-        """
+        """Import and return the command of that name. Ctrl-C may come while its numerics load."""
         return load(cmd_name) if cmd_name in COMMANDS else super().get_command(ctx, cmd_name)
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Parse the words before the command; all are kept for :mod:`remedies`."""
-        ctx.meta[remedies.WORDS] = tuple(args)
+        """Parse the words before the command, and keep all words for :mod:`~toposeam_cli.app.remedies`."""
+        ctx.meta[WORDS] = tuple(args)
         if args and args[0] in HELP_WORDS:
             args = ["--help", *args[1:]]
         try:
             return super().parse_args(ctx, args)
         except click.NoSuchOption:
-            remedies.refuse_no_command(ctx, self.list_commands(ctx))
+            self._refuse(ctx)
             raise
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Return the command that the words begin with, and the words behind it."""
+        """Return the command that the words begin with, and the words after it."""
         if self.get_command(ctx, args[0]) is None and not ctx.resilient_parsing:
-            remedies.refuse_no_command(ctx, self.list_commands(ctx))
+            self._refuse(ctx)
         return super().resolve_command(ctx, args)
+
+    def _refuse(self, ctx: click.Context) -> None:
+        """Refuse words that begin with no command, if we can say what was meant."""
+        from toposeam_cli.app.remedies import refuse_no_command
+
+        refuse_no_command(ctx, self.list_commands(ctx))
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the commands with their first lines, without importing any."""
@@ -66,9 +70,11 @@ class Commands(click.Group):
         return found + click.Command.shell_complete(self, ctx, incomplete)
 
     def main(self, *args: Any, standalone_mode: bool = True, **given: Any) -> Any:
-        """Run the command line and exit. Of a Ctrl-C before the command begins, or while it ends, click would
-        make exit code 1.
+        """Run the command line and exit, with code 130 also for Ctrl-C before the command begins or while it
+        ends, of which click would make 1.
         """
+        if any(name.endswith("_COMPLETE") for name in os.environ):
+            import toposeam_cli.app.shells  # noqa: F401 - registers the completion of PowerShell
         run: Any = super().main
         if not standalone_mode:
             return run(*args, standalone_mode=False, **given)
@@ -90,8 +96,10 @@ class Commands(click.Group):
         except KeyboardInterrupt:
             click.echo("Interrupted; no file was left unfinished.", err=True)
             ctx.exit(130)
-        except click.MissingParameter as error:  # which lists choices in lines of their own
-            text = remedies.of_missing(error) or " ".join(error.format_message().split())
+        except click.MissingParameter as error:  # its own text lists choices in several lines
+            from toposeam_cli.app.remedies import of_missing
+
+            text = of_missing(error) or " ".join(error.format_message().split())
             raise click.UsageError(text, ctx=error.ctx) from error
         except (click.ClickException, click.exceptions.Exit, click.Abort, BrokenPipeError):
             raise
@@ -106,7 +114,7 @@ def _first_line(name: str, loaded: Mapping[str, click.Command], width: int) -> s
 
 
 def _never_fail_to_print() -> None:
-    """Let a terminal or pipe that lacks a character, be it in a file name, show an escape instead."""
+    """Print an escape for each character that a terminal or pipe lacks, as in file names."""
     for stream in (sys.stdout, sys.stderr):
         reconfigure = getattr(stream, "reconfigure", None)
         if reconfigure is not None and stream.errors == "strict":
@@ -128,6 +136,8 @@ def completion(shell: str) -> None:
     toposeam completion bash > ~/.local/share/bash-completion/completions/toposeam
     toposeam completion powershell >> $PROFILE
     """  # noqa: D301 - click wants the character
+    import toposeam_cli.app.shells  # noqa: F401 - registers the completion of PowerShell
+
     kind = get_completion_class(shell)
     if kind is None:
         raise click.ClickException(f"there is no completion for {shell}; use bash, zsh or fish")
@@ -146,5 +156,7 @@ def manual() -> None:
     toposeam manual > ~/.local/share/man/man1/toposeam.1
     """  # noqa: D301 - click wants the character
     from importlib.metadata import version
+
+    from toposeam_cli.app import shells
 
     click.echo(shells.manual(main, "toposeam", version("toposeam")), nl=False)

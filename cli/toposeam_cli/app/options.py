@@ -1,5 +1,5 @@
-"""Parameter types and options that several commands share: what reaches a command is already a number, a
-length or a checked path.
+"""Parameter types and options that several commands share. They parse and check, so that a command gets
+numbers, lengths and checked paths.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Length:
     percent: bool
 
     def pixels(self, whole: int) -> int:
-        """Return the length in px, given the side it may be a share of."""
+        """Return the length in px, given the side of which it may be a share, px."""
         return round(self.value / 100 * whole) if self.percent else int(self.value)
 
 
@@ -39,7 +39,7 @@ class OffsetType(click.ParamType):  # type: ignore[type-arg]  # generic only sin
     """``X,Y`` in whole pixels; for clips ``T,X,Y``, T in frames."""
 
     name = "X,Y"
-    #: What stands between two numbers.
+    #: Separator of two numbers.
     sign = ","
 
     def convert(
@@ -85,7 +85,7 @@ class LengthType(click.ParamType):  # type: ignore[type-arg]
 class PairType(click.ParamType):  # type: ignore[type-arg]
     """Two whole numbers ``AxB``, or one for both: WIDTHxHEIGHT, or COLUMNSxROWS of `cells`."""
 
-    #: What stands between two numbers.
+    #: Separator of two numbers.
     sign = "x"
 
     def __init__(self, cells: bool = False) -> None:
@@ -108,7 +108,7 @@ class PairType(click.ParamType):  # type: ignore[type-arg]
 
 @dataclass(frozen=True, slots=True)
 class AutoSize:
-    """The size on which a texture's order closes that is nearest to one wished for."""
+    """The size at which a regular texture closes that is nearest to a wished one."""
 
     #: Width and height, px; None leaves it to the command.
     wish: tuple[int, int] | None
@@ -189,7 +189,7 @@ class FiniteRange(click.FloatRange):
 
 @dataclass(frozen=True, slots=True)
 class Keyed:
-    """A file, and which picture or pair of pictures it is for."""
+    """A file, and the key of the picture or pair of pictures that it belongs to."""
 
     key: str | None
     path: Path
@@ -231,7 +231,7 @@ class FileType(click.Path):
         self._read = read
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Refuse what names no file."""
+        """Refuse a text that names no file."""
         if not str(value) or "\0" in str(value):
             self.fail(f"{str(value)!r} is not the name of a file; write one", param, ctx)
         if self._read:
@@ -243,15 +243,14 @@ OptionsT = TypeVar("OptionsT")
 
 
 def taken(kind: type[OptionsT], given: dict[str, Any]) -> OptionsT:
-    """Return the options of a command that belong together, as one frozen value; they are taken out of the
-    others.
+    """Take the options that belong together out of a command's parameters, as one frozen value.
 
     Parameters
     ----------
     kind : type
         A dataclass whose fields are named like the command's parameters.
     given : dict
-        What click passed to the command.
+        The parameters that click passed to the command; those taken are removed.
     """
     names = [field.name for field in dataclasses.fields(kind)]  # type: ignore[arg-type]
     return kind(**{name: given.pop(name) for name in names})
@@ -260,7 +259,7 @@ def taken(kind: type[OptionsT], given: dict[str, Any]) -> OptionsT:
 def grouped(
     name: str, kind: type[Any], options: Sequence[Callable[[Any], Any]]
 ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Options that reach a command as one frozen value.
+    """Return a decorator that adds options to a command and passes them as one frozen value.
 
     Parameters
     ----------
@@ -284,7 +283,7 @@ def grouped(
     return decorate
 
 
-#: What every command says alike.
+#: Options that all commands share.
 force_option = option("--force", heading="Output", is_flag=True, help="Replace existing files.")
 quiet_option = option("-q", "--quiet", heading="Output", is_flag=True, help="Print nothing but errors.")
 jobs_option = option(
@@ -322,16 +321,16 @@ def is_path(parameter: click.Parameter) -> bool:
 
 
 def refuse_besides(option: str, allowed: Collection[str], reason: str) -> None:
-    """Refuse options of the running command that were given beside another one and would be ignored.
+    """Refuse options of the running command that have no effect beside another one.
 
     Parameters
     ----------
     option : str
-        The other one, as it is written.
+        The other option, as it is written.
     allowed : collection of str
         Names of parameters that may stand beside it.
     reason : str
-        Why others cannot.
+        Why others have no effect, for the error's text.
 
     Raises
     ------
@@ -347,7 +346,7 @@ def refuse_besides(option: str, allowed: Collection[str], reason: str) -> None:
             )
 
 
-#: Where two pictures lie, and what a seam between them costs.
+#: Options for the position of two pictures and the cost of a seam between them.
 PLACEMENT: tuple[Callable[[Any], Any], ...] = (
     option(
         "--offset",
@@ -412,9 +411,7 @@ def surface_cost_option(default: ts.typing.Law) -> Callable[[Callable[..., Any]]
 
 
 def placement(megapixels: float) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Options that say which pictures overlap where, and how large they may be unless something else is
-    said.
-    """
+    """Return a decorator that adds the options for the overlap, and ``--max-megapixels`` with its default."""
     limit = option(
         "--max-megapixels",
         heading="Speed and memory",

@@ -1,4 +1,4 @@
-"""How far the work has come, on a terminal."""
+"""Progress bars on a terminal."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ import click
 if TYPE_CHECKING:
     from toposeam_cli.jobs.runner import Progress
 
-#: Columns of a bar, and steps from its begin to its end.
+#: Columns of a bar, and steps from its beginning to its end.
 _WIDTH = 30
 _STEPS = 1000
 
 
 class ProgressBar:
-    """A bar on a terminal, nothing in a pipe; what is said meanwhile does not disturb it."""
+    """A progress bar on a terminal, nothing in a pipe. Lines printed meanwhile do not break it."""
 
     def __init__(self, shown: bool) -> None:
         self._text = ""
@@ -47,7 +47,7 @@ class ProgressBar:
         self._bar.render_progress()
 
     def report(self, progress: Progress) -> None:
-        """Show how far the run has come."""
+        """Show the progress of a run."""
         if self._bar is None:
             return
         failed = f", {progress.failed} failed" if progress.failed else ""
@@ -76,7 +76,9 @@ class ProgressBar:
 
 @contextmanager
 def progress_bar(quiet: bool = False) -> Iterator[ProgressBar]:
-    """A bar for :func:`toposeam_cli.jobs.runner.run`: pass its ``report`` as `progress`."""
+    """Show a bar for :func:`toposeam_cli.jobs.runner.run` during the block: pass its ``report`` as
+    `progress`.
+    """
     bar = ProgressBar(not quiet and _on_terminal())
     try:  # the first drawing, too, may be interrupted after it has hidden the cursor
         bar.draw()
@@ -87,7 +89,9 @@ def progress_bar(quiet: bool = False) -> Iterator[ProgressBar]:
 
 @contextmanager
 def share_bar(label: str, quiet: bool) -> Iterator[Callable[[float], None] | None]:
-    """A bar on a terminal for what reports the share of the work done, nothing in a pipe."""
+    """Show a bar on a terminal during the block, for work that reports its share done, in [0, 1]; yield None
+    in a pipe.
+    """
     if quiet or not _on_terminal():
         yield None
         return

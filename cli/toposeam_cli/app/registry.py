@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import gc
 import sys
+from functools import wraps
 from importlib import import_module
+from importlib.util import LazyLoader, find_spec, module_from_spec
 from types import ModuleType
+from typing import Any
 
 import click
 
-from toposeam_cli.app.lazy_modules import loaded_later
-from toposeam_cli.app.terms import speaking
+from toposeam.errors import TopoSeamError
 
-#: Each command and its first line of help, as its own text has it: loading the commands loads the numerics,
-#: which takes a second.
+#: Each command and its first line of help, equal to its own text: loading all commands to ask them takes a
+#: second.
 COMMANDS = {
     "stitch": "Join pictures where they overlap, along seams that nobody sees.",
     "enblend": "Blend pictures that Hugin's nona has placed: in enblend's place, with its options.",
@@ -34,8 +36,14 @@ COMMANDS = {
 }
 
 
-#: Of every command, also when it is used without the group: click keeps the first help option it has made.
+#: Settings of every command, also when it is used without the group: click keeps the first help option it has
+#: made.
 CONTEXT = {"help_option_names": ["-h", "--help"]}
+
+#: Submodules of NumPy that we never use. SciPy names all that NumPy has (``scipy._lib.array_api_compat``) and
+#: so loads its Fortran wrappers, its tests with :mod:`unittest` and its masked arrays. That is an eighth of
+#: the time that a command's modules take to load.
+UNUSED = ("numpy.ctypeslib", "numpy.f2py", "numpy.ma", "numpy.polynomial", "numpy.testing")
 
 
 def load(name: str) -> click.Command:
@@ -46,7 +54,7 @@ def load(name: str) -> click.Command:
 
 
 def _module(name: str) -> ModuleType:
-    """Return a module, imported without looking for garbage meanwhile: what is being loaded stays."""
+    """Import a module without garbage collection meanwhile, as all that is loaded stays."""
     if name in sys.modules or not gc.isenabled():
         return import_module(name)
     gc.disable()
@@ -56,3 +64,46 @@ def _module(name: str) -> ModuleType:
     finally:
         gc.freeze()
         gc.enable()
+
+
+def speaking(command: click.Command) -> click.Command:
+    """Return the command; its errors name parameters by its options, and files by their names."""
+    callback = command.callback
+    if callback is None or hasattr(callback, "speaks"):
+        return command
+
+    @wraps(callback)
+    def call(*arguments: Any, **given: Any) -> Any:
+        try:
+            return callback(*arguments, **given)
+        except TopoSeamError as error:
+            from toposeam_cli.app.terms import said
+
+            text = said(error)
+            if text == str(error):
+                raise
+            raise type(error)(text) from error
+
+    call.speaks = True  # type: ignore[attr-defined]
+    command.callback = call
+    return command
+
+
+def loaded_later(names: tuple[str, ...] = UNUSED) -> None:
+    """Let submodules load at the first access to one of their attributes, not when they are imported.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Full names of the submodules; their packages are loaded. Modules that are loaded already or are
+        missing stay as they are.
+    """
+    for name in names:
+        spec = None if name in sys.modules else find_spec(name)
+        if spec is None or spec.loader is None:
+            continue
+        spec.loader = LazyLoader(spec.loader)
+        module = sys.modules[name] = module_from_spec(spec)
+        spec.loader.exec_module(module)
+        package, _, own = name.rpartition(".")
+        setattr(sys.modules[package], own, module)

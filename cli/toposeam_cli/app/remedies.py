@@ -1,4 +1,4 @@
-"""What to type instead of a line that cannot be understood: the very line, where it can be told."""
+"""Errors about a line that cannot be understood, with the line to type instead where we know it."""
 
 from __future__ import annotations
 
@@ -12,17 +12,16 @@ from pathlib import Path
 import click
 
 from toposeam.sentence import printable
+from toposeam_cli.app.command import WORDS
 
-#: Where the words of the command line are kept.
-WORDS = "toposeam.words"
-#: Results may have the suffix of what they are made of, if it is one of these.
+#: Suffixes of results: a proposed result gets that of its input if it is one of these.
 _WRITTEN = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".gif", ".mp4", ".mov", ".webm", ".npy")
-#: Words that look like pictures.
+#: Suffixes of words that look like names of inputs.
 _PICTURES = (*_WRITTEN, ".heic", ".avif", ".bmp", ".jp2", ".ora", ".pto", ".toml")
 
 
 def refuse_no_command(context: click.Context, commands: Sequence[str]) -> None:
-    """Refuse words that begin with no command, if it can be said what was meant.
+    """Refuse words that begin with no command, if we can say what was meant.
 
     Raises
     ------
@@ -48,7 +47,7 @@ def refuse_no_command(context: click.Context, commands: Sequence[str]) -> None:
 
 
 def of_missing(error: click.MissingParameter) -> str | None:
-    """Return what to write where the name of the result is missing, else None."""
+    """Return the remedy if the missing parameter names the result, else None."""
     from toposeam_cli.app.options import is_output  # which loads the numerics
 
     context = error.ctx
@@ -63,8 +62,8 @@ def of_missing(error: click.MissingParameter) -> str | None:
 
 
 def _with_output(words: list[str]) -> str:
-    """Return the line with ``-o`` before its last word if that is the name of a new file, else with a name
-    behind it, if it has no ``-o`` yet.
+    """Return the line with ``-o``: before its last word if that names a new file, else with a name of ours at
+    the end. A line that has ``-o`` stays.
     """
     given = any(word in ("-o", "--output") or word.startswith("--output=") for word in words)
     if not given:
@@ -81,7 +80,7 @@ def _with_output(words: list[str]) -> str:
 
 
 def _is_file(word: str) -> bool:
-    """Test whether a word names a file, or looks as if."""
+    """Test whether a word names a file, or looks like a name of one."""
     if word.startswith("-") or Path(word).suffix.lower() in _PICTURES:
         return not word.startswith("-")
     try:
@@ -91,13 +90,13 @@ def _is_file(word: str) -> bool:
 
 
 def _line(words: Sequence[str]) -> str:
-    """Return the words as a shell takes them."""
+    """Return the words quoted for a shell."""
     if os.name == "nt":
         return subprocess.list2cmdline(words)
     return printable(" ".join(word if _is_plain(word) else shlex.quote(word) for word in words))
 
 
 def _is_plain(word: str) -> bool:
-    """Test whether a word is left as it was written; patterns of files were."""
+    """Test whether a word needs no quotes; patterns of file names need none, as they were written without."""
     bare = word.replace("*", "").replace("?", "")
     return not bare or shlex.quote(bare) == bare

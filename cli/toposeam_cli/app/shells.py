@@ -1,4 +1,4 @@
-"""For shells and terminals: completion in PowerShell, which click does not know, and the manual page."""
+"""Completion in PowerShell, which click does not have, and the manual page."""
 
 from __future__ import annotations
 
@@ -38,15 +38,17 @@ Register-ArgumentCompleter -Native -CommandName %(prog_name)s -ScriptBlock {
 
 @add_completion_class
 class PowershellComplete(ShellComplete):
-    """Completion for PowerShell 5.1 and later: a line each, of kind, value and help between tabs."""
+    """Completion for PowerShell 5.1 and later. Each answer is a line of kind, value and help, separated by
+    tabs.
+    """
 
     name: ClassVar[str] = "powershell"
     source_template: ClassVar[str] = _POWERSHELL
 
     def get_completion_args(self) -> tuple[list[str], str]:
-        """Return the words before the one being written, and that one."""
+        """Return the words before the one being typed, and that one."""
         words = split_arg_string(os.environ["COMP_WORDS"])[1:]
-        incomplete = os.environ.get("COMP_CWORD", "")  # what is empty PowerShell takes out of the environment
+        incomplete = os.environ.get("COMP_CWORD", "")  # PowerShell removes empty variables
         if incomplete and words:
             words = words[:-1]
         return words, incomplete.strip("'\"")
@@ -98,7 +100,9 @@ def _commands(group: click.Group, context: click.Context) -> list[str]:
 
 
 def _description(command: click.Command) -> tuple[str, list[str]]:
-    """Return the first paragraph as one line, and the others; what click does not rewrap stays so."""
+    """Return the first paragraph as one line, and the others as lines of roff; blocks that click does not
+    rewrap keep their lines.
+    """
     paragraphs = re.split(r"\n\s*\n", (command.help or "").partition("\f")[0].strip())
     rest: list[str] = []
     for paragraph in paragraphs[1:]:

@@ -1,9 +1,8 @@
-"""The command line's words for the terms of core's errors: options, and the names of files."""
+"""The command line's names for the terms in core's errors: its options, and the names of files."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import wraps
 from pathlib import Path
 from typing import Any
 
@@ -12,33 +11,12 @@ from click.core import ParameterSource
 
 from toposeam.errors import Term, TopoSeamError
 
-#: What a command calls a term, from the values of its parameters; None where it has no word for it.
+#: Names a term, given the values of a command's parameters; None where the command has no name for it.
 Called = Callable[[Term, Mapping[str, Any]], str | None]
 
 
-def speaking(command: click.Command) -> click.Command:
-    """Return the command, its errors in its own words."""
-    callback = command.callback
-    if callback is None or hasattr(callback, "speaks"):
-        return command
-
-    @wraps(callback)
-    def call(*arguments: Any, **given: Any) -> Any:
-        try:
-            return callback(*arguments, **given)
-        except TopoSeamError as error:
-            text = said(error)
-            if text == str(error):
-                raise
-            raise type(error)(text) from error
-
-    call.speaks = True  # type: ignore[attr-defined]
-    command.callback = call
-    return command
-
-
 def said(error: TopoSeamError) -> str:
-    """Return the error's sentence in the words of the command that is running."""
+    """Return the error's sentence with the running command's names for its terms."""
     context = click.get_current_context(silent=True)
     if context is None:
         return str(error)
@@ -87,7 +65,7 @@ def _file(parameter: str) -> Called:
 
 
 def _exemplar(term: Term, given: Mapping[str, Any]) -> str | None:
-    """Return the sample, or one of several; of several one without a number is whichever is largest."""
+    """Return the file of the sample that an error is about; None if it does not say which of several."""
     sources = given["sources"]
     if term.index is None and len(sources) != 1:
         return None
@@ -95,7 +73,7 @@ def _exemplar(term: Term, given: Mapping[str, Any]) -> str | None:
 
 
 def _map(term: Term, given: Mapping[str, Any]) -> str | None:
-    """Return the files of a further map, one for each source."""
+    """Return the files of a further map, one for each source; ``--also`` if the error does not say which."""
     if term.index is None:
         return "--also"
     count = len(given.get("sources", ())) or 1
@@ -115,7 +93,7 @@ _JOINED: Mapping[str, Called] = {
 _TEXTURE: Mapping[str, Called] = {"maps": _map, "normal": _normal, "exemplars": _noun("pictures")}
 _OF_IMAGE: Mapping[str, Called] = {**_TEXTURE, "exemplar": _file("image")}
 
-#: By command: its words for terms, where these are neither its options nor its arguments.
+#: By command: names of the terms that are neither its options nor its arguments.
 _CALLED: Mapping[str, Mapping[str, Called]] = {
     "stitch": _JOINED,
     "compare": _JOINED,

@@ -1,5 +1,5 @@
-"""Entries of a batch: those of a TOML file, or patterns on the command line, each the settings of one command
-or of several.
+"""Entries of a batch, from a TOML file or from patterns on the command line. Each holds the settings of one
+or several runs of a command.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from toposeam.errors import OptionError
 from toposeam_cli.app.options import is_input, is_path
 from toposeam_cli.files.tables import read_table
 
-#: Stands for what the wildcards of the patterns match.
+#: Placeholder for the text that the wildcards of the patterns match.
 NAME = "{name}"
-#: Keys of an entry that are no option of its command.
-#: All files that a command takes as arguments, in one list.
+#: Key of an entry that is no option of its command: the files that the command takes as arguments, in one
+#: list.
 _PICTURES = "pictures"
-#: What each wildcard stands for. Brackets, which patterns have elsewhere, are common in names of pictures and
-#: stand for themselves.
+#: Regular expression of each wildcard. Brackets stand for themselves, as they are common in names of
+#: pictures.
 _MEANINGS = {"**/": "(.*/|)", "**": "(.*)", "*": "([^/]*)", "?": "([^/])"}
 _WILDCARD = re.compile("|".join(map(re.escape, _MEANINGS)))
 
@@ -34,11 +34,11 @@ class Entry:
     """The settings of one run of a command, or, with patterns among them, of several."""
 
     command: click.Command
-    #: Texts, numbers, booleans or lists of them, by the names that :func:`setting_names` gives.
+    #: Texts, numbers, booleans or lists of them, by the names of :func:`setting_names`.
     settings: Mapping[str, Any]
-    #: Where relative paths begin.
+    #: Folder to which paths are relative.
     folder: Path
-    #: Where it is written, for messages; "" for the command line.
+    #: Place of the entry in its file, for messages; "" for the command line.
     where: str = ""
 
     def refuse(self, reason: str) -> OptionError:
@@ -47,7 +47,7 @@ class Entry:
 
 
 def read_entries(path: Path, commands: Mapping[str, click.Command]) -> list[Entry]:
-    """The entries of a file like this, relative paths in it being relative to its folder::
+    """Read the entries of a file like this; relative paths begin at its folder::
 
         [defaults]               # for every entry whose command knows the option
         overlap = "25%"
@@ -109,8 +109,8 @@ def read_entries(path: Path, commands: Mapping[str, click.Command]) -> list[Entr
 def _is_meant(
     commands: Mapping[str, click.Command], table: Mapping[str, Any], name: str, key: str, value: object
 ) -> bool:
-    """Test whether a default is for a command that knows its name: not where its option has choices, none of
-    which this is, and another command of the file takes it.
+    """Test whether a default applies to a command that has the option. It does not if it is none of the
+    option's choices and another command of the file accepts it.
     """
 
     def takes(other: str) -> bool:
@@ -123,7 +123,7 @@ def _is_meant(
 
 
 def parse_patterns(command: click.Command, words: Sequence[str], folder: Path) -> Entry:
-    """Return the entry that a command's own words, patterns among them, stand for.
+    """Parse the words of a command, which hold patterns, as an entry.
 
     Raises
     ------
@@ -159,11 +159,11 @@ def parse_patterns(command: click.Command, words: Sequence[str], folder: Path) -
 
 
 def expand(entry: Entry) -> Iterator[tuple[dict[str, Any], str]]:
-    """Yield the settings of each run, and what the wildcards stand for in it, without an extension; ""
+    """Yield the settings of each run, and the text that the wildcards match in it, without an extension; ""
     without wildcards.
 
-    Inputs belong together when their wildcards match the same text; where one of them is missing, the run
-    will say so.
+    Inputs whose wildcards match the same text belong together. The run itself reports an input that is
+    missing.
 
     Raises
     ------
@@ -214,7 +214,7 @@ def setting_names(command: click.Command) -> dict[str, click.Parameter]:
 
 
 def to_words(entry: Entry, settings: Mapping[str, Any]) -> list[str]:
-    """Return the words of the command line that mean these settings, paths made absolute."""
+    """Return the settings as words of the command line, with absolute paths."""
     options: list[str] = []
     arguments: list[str] = []
     for parameter in entry.command.params:
@@ -224,7 +224,7 @@ def to_words(entry: Entry, settings: Mapping[str, Any]) -> list[str]:
         if isinstance(parameter, click.Option) and parameter.is_flag:
             options += _flag(entry, parameter, value)
             continue
-        if value is False:  # takes a default back
+        if value is False:  # overrides a default
             continue
         texts = _texts(entry, parameter, value)
         if is_path(parameter):
@@ -251,7 +251,7 @@ def _flag(entry: Entry, parameter: click.Option, value: Any) -> list[str]:
 
 
 def _texts(entry: Entry, parameter: click.Parameter, value: Any) -> list[str]:
-    """Return a setting's value as the command line has it."""
+    """Return a setting's value as texts for the command line."""
     values = list(value) if isinstance(value, list | tuple) else [value]
     several = parameter.nargs != 1 or (isinstance(parameter, click.Option) and parameter.multiple)
     if several and values and all(isinstance(item, list) for item in values):  # at = [[0, 0], [900, 10]]
@@ -340,7 +340,7 @@ def _has_wildcard(text: str, folder: Path) -> bool:
 
 
 def _matches(pattern: str, folder: Path) -> dict[tuple[str, ...], str]:
-    """Return files that a pattern matches, by what its wildcards stand for."""
+    """Return the files that a pattern matches, by the texts that its wildcards match."""
     expression, end = "", 0
     for wildcard in _WILDCARD.finditer(pattern):
         expression += re.escape(pattern[end : wildcard.start()])
@@ -356,7 +356,7 @@ def _matches(pattern: str, folder: Path) -> dict[tuple[str, ...], str]:
 
 
 def _filled(pattern: str, found: Sequence[str]) -> str:
-    """Return the file that a pattern would match if it were there."""
+    """Return the name that a pattern would match, with its wildcards replaced by these texts."""
     texts = iter(found)
     return _WILDCARD.sub(lambda _: next(texts), pattern)
 
@@ -374,14 +374,14 @@ class _Lines:
         self._path, self._lines = path, text.splitlines()
 
     def of_key(self, key: str) -> str:
-        """Find the line where a key is given, or a table of that name begins."""
+        """Name the line where a key is given, or where a table of that name begins."""
         expression = re.compile(rf"""\s*(\[\[?\s*)?["']?{re.escape(key)}["']?\s*(\]|=|\.)""")
         return self._where(
             [number for number, line in enumerate(self._lines, start=1) if expression.match(line)]
         )
 
     def of_entry(self, name: str, index: int) -> str:
-        """Find the line where the table of that number begins."""
+        """Name the line where the table of that number begins."""
         expression = re.compile(rf"""\s*\[\[\s*["']?{re.escape(name)}["']?\s*\]\]""")
         found = [number for number, line in enumerate(self._lines, start=1) if expression.match(line)]
         if index < len(found):

@@ -1,4 +1,4 @@
-"""The commands a batch can run, and one of them run in a worker process."""
+"""The commands that a batch can run, and the function that runs one in a worker process."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ def run_command(command: str, words: Sequence[str], manner: Sequence[str] = ()) 
     Returns
     -------
     dict or None
-        What the command returns.
+        The command's summary.
     """
-    with redirect_stdout(io.StringIO()):  # what it has to say belongs into the table
+    with redirect_stdout(io.StringIO()):  # its messages belong into the table
         words = [*manner, *words]
         return registry.load(command).main(words, prog_name=f"toposeam {command}", standalone_mode=False)
 

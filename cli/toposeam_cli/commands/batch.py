@@ -23,7 +23,7 @@ from toposeam_cli.files.writing import check_output
 from toposeam_cli.jobs.journal import Journal
 from toposeam_cli.jobs.runner import Job, check, finished, run
 
-#: Options that say how a command does its work, not what it makes.
+#: Options that do not change what a command makes.
 _MANNER = ("force", "quiet")
 
 
@@ -93,7 +93,7 @@ def batch(
     if dry_run:
         _show(jobs, results, fresh)
         return
-    if results.parent.is_dir():  # before any folder is made
+    if results.parent.is_dir():  # before any folder is created
         check_output(results, force=True, suffixes=None)
     for folder in {path.parent for job in jobs for path in job.outputs}:
         folder.mkdir(parents=True, exist_ok=True)
@@ -141,7 +141,7 @@ def _jobs(entry: Entry, force: bool) -> list[Job]:
 
 
 def _job(entry: Entry, settings: Mapping[str, Any], name: str | None, found: str, force: bool) -> Job:
-    """Return the job that runs a command with some settings, which the command itself has checked."""
+    """Return the job that runs a command with these settings; the command itself checks them."""
     command = entry.command
     flags = {parameter.name: parameter for parameter in command.params if parameter.name in _MANNER}
     wanted = {"force": force or settings.get("force") is True, "quiet": True}
@@ -184,9 +184,7 @@ def _named_in(path: Path) -> tuple[Path, ...]:
     if path.suffix.lower() in (".toml", ".json", ".pto"):
         from toposeam_cli.stitching.inputs import layout_in
 
-        with suppress(
-            TopoSeamError
-        ):  # it is another kind of file, or its job will tell what is wrong with it
+        with suppress(TopoSeamError):  # another kind of file, or its job reports what is wrong with it
             return tuple(
                 file
                 for layer in layout_in(path).layers
@@ -204,7 +202,7 @@ def _relative(path: Path, folder: Path) -> str:
 
 
 def _show(jobs: Sequence[Job], results: Path, fresh: bool) -> None:
-    """Print the command line of every job that would be run."""
+    """Print the command line of every job that would run."""
     rows = {}
     if results.exists() and not fresh:
         with Journal(results) as journal:

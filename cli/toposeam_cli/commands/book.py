@@ -33,7 +33,7 @@ from toposeam_cli.motifs.themes import read_theme
 Row = dict[str, Any]
 
 _FOLDERS = ("motifs", "swatches", "products")
-#: The name of the row that knows the pages in the table of results.
+#: Name of the row in the table of results that holds the digests of the pages.
 _PAGES = "pages"
 
 
@@ -111,7 +111,7 @@ def book(
             f"--size is {size}; mirrored and turned patterns need an even one, use {size + 1}"
         )
     paper = Print(width_mm=width_mm, dpi=dpi)
-    for theme in themes:  # whatever is wrong with one is said before anything is written
+    for theme in themes:  # errors of any theme come before anything is written
         paper.check(book_recipe(read_theme(theme), seed, 0, size), False)
     journal = folder / "book.results.jsonl"
     _check_folder(folder, themes, journal, force)
@@ -165,12 +165,12 @@ def book(
 
 
 def _made(table: Journal) -> dict[str, str]:
-    """Return the pages that a former run made, and their digests."""
+    """Return the digests of the pages that a former run made."""
     return dict(table.rows.get(_PAGES, {}).get("made", {}))
 
 
 def _beside(chosen: Sequence[tuple[Row, str]]) -> list[tuple[Row, str]]:
-    """Return the products, with the number of the pattern that goes beside the first on some of them."""
+    """Return the products, some with the number of a second pattern."""
     number = {(row["season"], product): row["number"] for row, product in chosen}
     return [
         ({**row, "beside": number.get((row["season"], BESIDE.get(product, "")))}, product)
@@ -179,9 +179,7 @@ def _beside(chosen: Sequence[tuple[Row, str]]) -> list[tuple[Row, str]]:
 
 
 def _check_folder(folder: Path, themes: Sequence[Path], journal: Path, force: bool) -> None:
-    """Refuse, before any work is spent on it, a folder with files that are not of a book's making, and what
-    is no folder.
-    """
+    """Refuse a folder that cannot hold the book: a file, one with themes in it, or with foreign files."""
     if os.path.lexists(folder) and not folder.is_dir():
         raise ts.OptionError(f"'{folder}' is no folder, which a book is; choose another name")
     for theme in themes:
@@ -303,7 +301,7 @@ def _run(
 
 
 def _is_row(result: Any) -> bool:
-    """Test whether a result is the measurements of a pattern; a table of results can hold anything."""
+    """Test whether a result holds the measurements of a pattern; a table of results can hold anything."""
     return (
         isinstance(result, dict)
         and set(result) == set(ROW)

@@ -16,14 +16,14 @@ from toposeam_cli.app.terms import said
 from toposeam_cli.stitching.inputs import PlacedPictures, arrange, read_avoid
 from toposeam_cli.stitching.positions import Where
 
-#: All but the one that takes one of the others.
+#: All methods but ``auto``, which chooses one of the others.
 _COMPARED: tuple[ts.typing.Method, ...] = tuple(method for method in ts.seam.METHODS if method != "auto")
 
 
 @click.command(cls=Command)
 @click.argument("first", metavar="A", type=FILE)
 @click.argument("second", metavar="B", type=FILE)
-@placement(100.0)  # which it holds whole
+@placement(100.0)  # megapixels; both pictures are in memory
 @click.option(
     "--method",
     "methods",
@@ -105,7 +105,7 @@ def compare(
 
 
 def _on_canvas(pair: PlacedPictures, shape: tuple[int, int]) -> list[np.ndarray[Any, Any]]:
-    """Both pictures on arrays of the canvas's size, 0 where they have no pixels."""
+    """Return both pictures as arrays of the canvas's size, 0 where they have no pixels."""
     left, top = (min(layer.at[axis] for layer in pair.layers) for axis in (0, 1))
     placed = []
     for layer in pair.layers:

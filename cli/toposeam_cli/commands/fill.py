@@ -1,4 +1,4 @@
-"""``toposeam fill``: part of a picture replaced by what the rest of it is like."""
+"""``toposeam fill``: part of a picture replaced by patches of the rest."""
 
 from __future__ import annotations
 

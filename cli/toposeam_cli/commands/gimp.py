@@ -1,4 +1,4 @@
-"""``toposeam gimp``: the plug-in into GIMP's folders, out of them, and why it is not in the menu."""
+"""``toposeam gimp``: install and uninstall the plug-in, and find out why it is not in the menu."""
 
 from __future__ import annotations
 

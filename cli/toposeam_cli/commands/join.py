@@ -1,4 +1,4 @@
-"""``toposeam join``: different motifs that join each other, laid in free arrangement."""
+"""``toposeam join``: different motifs whose strokes join each other, laid in any arrangement."""
 
 from __future__ import annotations
 
@@ -171,7 +171,7 @@ def join(
 
 
 def _alike(recipes: list[ts.motif.Recipe], files: tuple[Path, ...]) -> list[ts.motif.Recipe]:
-    """Return recipes with everything but what flows where taken from the first."""
+    """Return recipes with the first one's values but their own sources, sinks, masses and strokes."""
     first = recipes[0]
     found = []
     for recipe, path in zip(recipes, files, strict=True):
@@ -201,7 +201,7 @@ def _alike(recipes: list[ts.motif.Recipe], files: tuple[Path, ...]) -> list[ts.m
 
 
 def _parse(grid: str) -> np.ndarray[Any, np.dtype[np.intp]]:
-    """Return rows of numbers from 1 on."""
+    """Parse a grid: rows of numbers from 1 on."""
     try:
         rows = [[int(word) for word in row.split()] for row in grid.replace(";", "/").split("/")]
     except ValueError:

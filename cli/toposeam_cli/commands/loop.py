@@ -31,7 +31,7 @@ from toposeam_cli.media.pictures.masks import read_white
 
 
 class DurationType(click.ParamType):  # type: ignore[type-arg]
-    """``N`` frames or ``Ns`` seconds; where a range is meant, also ``N-N``."""
+    """``N`` frames or ``Ns`` seconds; for a range also ``N-N``."""
 
     def __init__(self, ranges: bool = False) -> None:
         self._ranges = ranges
@@ -183,7 +183,7 @@ def loop(clip: Path, output: Path, **given: Any) -> None:
 
 
 def _summary(output: Path, made: ts.volume.Loop, rate: Fraction) -> dict[str, Any]:
-    """Return what JSON says of a loop."""
+    """Return the summary of a loop for JSON."""
     return {
         "output": str(output),
         "frames": len(made.frames),

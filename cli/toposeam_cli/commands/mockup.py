@@ -14,8 +14,7 @@ from toposeam_cli.app.command import Command
 from toposeam_cli.app.options import FILE, OUTPUT, FiniteRange, PaperLengthType, force_option, quiet_option
 from toposeam_cli.files.writing import check_output
 from toposeam_cli.media.pictures.colour import to_depth, widen
-from toposeam_cli.media.pictures.limits import MAX_MOTIF, read_within
-from toposeam_cli.media.pictures.picture import write_picture
+from toposeam_cli.media.pictures.picture import MAX_MOTIF, read_within, write_picture
 from toposeam_cli.motifs.book.patterns import draw_on_product, shown_at
 from toposeam_cli.motifs.print_options import RepeatType, check_laid
 from toposeam_cli.motifs.products import PRODUCTS, draw_product

@@ -34,8 +34,7 @@ from toposeam_cli.motifs.recipe_files import (
 )
 from toposeam_cli.motifs.themes import read_colours, read_theme
 
-#: What may be changed in a recipe that is given: options of a random one that are fields of `Recipe`, or of
-#: each of its layers.
+#: Options that may change a given recipe: fields of `Recipe`, then fields of each of its layers.
 _OF_RECIPE = (
     "size",
     "repeat",
@@ -48,7 +47,7 @@ _OF_RECIPE = (
     "base_law",
 )
 _OF_LAYERS = ("mass", "penalty", "ambient")
-#: How the pages of ``--explore`` are called.
+#: Extensions of the pages of ``--explore``.
 _PAGES = (".html", ".htm")
 
 
@@ -191,7 +190,7 @@ def _solid(
     force: bool,
     quiet: bool,
 ) -> None:
-    """Write a mesh of what heat builds in a block."""
+    """Write a mesh of the solid that heat builds in a block."""
     if output is None:
         raise ts.OptionError("--depth makes a mesh; say where it goes with -o vase.stl, or .ply")
     begun = _begun(beginning)
@@ -222,7 +221,7 @@ def _explore(
     force: bool,
     quiet: bool,
 ) -> None:
-    """Write a page of relatives: of a motif that is given, or of other seeds."""
+    """Write a page of related motifs: variations of a given one, or other seeds."""
     if output is None:
         raise ts.OptionError("--explore makes a page; say where it goes with -o sheet.html")
     if counts[0] * counts[1] > 200:
@@ -249,7 +248,7 @@ def _explore(
 
 
 def _begun(beginning: Beginning) -> tuple[ts.motif.Recipe | None, dict[str, Any], dict[str, Any]]:
-    """Return the recipe to begin with, how that motif was printed, and the options of a file of
+    """Return the recipe to begin with, the print settings of its motif, and the options of a file of
     parameters.
     """
     config, like, source = beginning.config, beginning.like, beginning.source
@@ -275,7 +274,7 @@ def _recipe(
     amount: float | None,
     begun: tuple[ts.motif.Recipe | None, dict[str, Any], dict[str, Any]],
 ) -> tuple[ts.motif.Recipe, dict[str, Any]]:
-    """Return the recipe of an option list and its base, varied; and how that was printed."""
+    """Return the varied recipe of the options and its base, and the print settings of that base."""
     whole, printed, options = begun
     given = {**options, **given}
     if isinstance(given.get("palette"), str):
@@ -309,7 +308,7 @@ def _checked(table: Mapping[str, Any], config: Path) -> dict[str, Any]:
             and isinstance(value, list)
             and any(isinstance(place, list) for place in value)
         ):
-            options[name] = _with_strengths(value)  # places, which only files can hold
+            options[name] = _with_strengths(value)  # only files can hold places
             continue
         if name == "edge":
             options[name] = value
@@ -336,14 +335,14 @@ _NOT_IN_FILES = {
 
 
 def _with_strengths(places: list[Any]) -> list[Any]:
-    """Places, or those of each layer, every one with a strength: 1 where none is given."""
+    """Return places, or those of each layer, each with a strength: 1 where none is given."""
     if places and all(isinstance(number, int | float) for number in places):
         return [*places, 1.0] if len(places) == 2 else places
     return [_with_strengths(place) if isinstance(place, list) else place for place in places]
 
 
 def _changed(recipe: ts.motif.Recipe, given: dict[str, Any], amount: float | None) -> ts.motif.Recipe:
-    """Return a whole recipe with what was given changed, then varied."""
+    """Return a whole recipe with the given options changed, then varied."""
     seed = given.pop("seed", None)
     palette = given.pop("palette", None)
     wrong = [name for name in given if name not in (*_OF_RECIPE, *_OF_LAYERS)]

@@ -13,10 +13,9 @@ from toposeam_cli.app.options import FILE, OUTPUT, FiniteRange, OffsetType, forc
 from toposeam_cli.app.progress import share_bar
 from toposeam_cli.files.writing import atomic_write, check_output
 from toposeam_cli.media.pictures.colour import to_depth
-from toposeam_cli.media.pictures.limits import read_within
-from toposeam_cli.media.pictures.picture import Picture, write_picture
+from toposeam_cli.media.pictures.picture import Picture, read_within, write_picture
 
-#: Maps of more pixels are refused: heat is led for 70 iterations.
+#: Largest map, pixels: the heat is solved in each of 70 iterations.
 _MAX_PIXELS = 4_000_000
 _SUFFIXES = (".svg", ".png", ".tif", ".tiff", ".jpg", ".jpeg", ".webp")
 
@@ -93,7 +92,7 @@ def path(
 
 
 def _brightness(picture: Picture) -> np.ndarray:
-    """(H, W) float in [0, 1]; 0 where nothing can be seen."""
+    """Return a picture's brightness, (H, W) float in [0, 1]; 0 where it is transparent."""
     from skimage.color import rgb2gray
 
     values = to_depth(picture.pixels, np.dtype(np.float32)).astype(np.float64)
@@ -102,7 +101,7 @@ def _brightness(picture: Picture) -> np.ndarray:
 
 
 def _drawn(brightness: np.ndarray, found: ts.path.PlannedPath) -> np.ndarray:
-    """Return the map with the ways in red on a white halo."""
+    """Draw the ways on the map, in red on a white halo."""
     from PIL import Image, ImageDraw
 
     picture = Image.fromarray(np.rint(255 * np.clip(brightness, 0, 1)).astype(np.uint8)).convert("RGB")

@@ -19,8 +19,7 @@ from toposeam_cli.app.options import FILE, OUTPUT, OffsetType, PairType, force_o
 from toposeam_cli.app.progress import share_bar
 from toposeam_cli.files.writing import check_output
 from toposeam_cli.media.pictures.colour import to_depth
-from toposeam_cli.media.pictures.limits import MAX_MOTIF, read_within
-from toposeam_cli.media.pictures.picture import Picture, write_picture
+from toposeam_cli.media.pictures.picture import MAX_MOTIF, Picture, read_within, write_picture
 from toposeam_cli.motifs.print_options import (
     PrintOptions,
     RepeatType,
@@ -133,7 +132,7 @@ def _copied(
     at: tuple[int, int] | None,
     quiet: bool,
 ) -> tuple[Picture, str]:
-    """Return a sheet of copies of a picture, and the rule it is laid by."""
+    """Return a sheet of copies of a picture, and the rule by which it is laid."""
     settings = None
     if cell is None and rule is None:
         settings = read_settings(path, ", or say how to arrange this with --repeat")
@@ -207,9 +206,7 @@ def _kaleidoscope(
 
 
 def _sheet_settings(settings: dict[str, Any], counts: tuple[int, int]) -> dict[str, Any]:
-    """Return the settings of a motif for a sheet of it; a size in px of the motif becomes one of the
-    sheet.
-    """
+    """Return the print settings for a sheet of a motif; its size in px becomes that of the sheet."""
     printed = Print(**{**Print.read(settings), "counts": counts})
     if printed.pixels is not None:
         printed = dataclasses.replace(

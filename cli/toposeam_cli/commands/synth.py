@@ -45,7 +45,7 @@ from toposeam_cli.textures.options import (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Guided:
-    """Options of the texture's desired appearance."""
+    """Options that guide a texture's appearance."""
 
     guide: Path | None
     guide_source: tuple[Path, ...]
@@ -291,8 +291,8 @@ def synth(
 
 @contextmanager
 def _shown_in(path: Path | None, like: Picture) -> Iterator[Callable[[np.ndarray], None] | None]:
-    """Yield a function that writes an unfinished texture to a file, again and again; of one that is never
-    finished nothing stays.
+    """Yield a function that writes an unfinished texture to a file, as often as it is called. If the texture
+    is never finished the file is removed.
     """
     shown = False
 
@@ -317,7 +317,9 @@ def _closing_size(
     tileable: ts.texture.Tileable,
     transparent: bool,
 ) -> tuple[int, int]:
-    """Width and height on which the first source's order closes; twice the source without a wish."""
+    """Return the width and height at which the first source's regular pattern closes, near the wished size or
+    else near twice the source's.
+    """
     height, width = pictures[0].pixels.shape[:2]
     wish = (2 * height, 2 * width) if size.wish is None else size.wish[::-1]
     found = ts.texture.closing_size(
@@ -332,7 +334,7 @@ def _closing_size(
     return found[1], found[0]
 
 
-#: What may be given beside the coordinates of another texture.
+#: Parameters that have an effect beside the coordinates of another texture.
 _CUT_ALIKE = ("sources", "output", "tileable", "turns", "smooth", "max_megapixels", "force", "quiet")
 
 
@@ -345,7 +347,7 @@ def _cut_alike(
     smooth: int,
     results: Results,
 ) -> None:
-    """Other pictures, cut as a texture was cut before."""
+    """Write a texture of other pictures, cut by the coordinates of an earlier texture."""
     goes = Destinations(output=output, force=results.force)
     pictures = read_sources(sources, results.max_megapixels)
     given = read_picture(coordinates or Path(), max_pixels=results.max_pixels).pixels

@@ -126,7 +126,7 @@ def tile(
 
 
 def _closing_size(picture: Picture, tileable: ts.texture.Tileable) -> tuple[int, int]:
-    """Height and width within a picture on which its order closes."""
+    """Return the height and width within a picture at which its regular pattern closes."""
     return ts.texture.closing_size(
         picture.pixels,
         picture.pixels.shape[:2],

@@ -27,9 +27,9 @@ from toposeam_cli.media.stacks.reading import MOST_VOXELS, read_stack
 from toposeam_cli.media.stacks.stack import Stack, common_spacing
 from toposeam_cli.media.stacks.writing import check_stack_output, write_stack
 
-#: Overlaps of more voxels are joined by blocks.
+#: Largest overlap that is joined whole, voxels; larger ones are joined by blocks.
 _WHOLE = 20_000_000
-#: So are larger stacks, which are not loaded.
+#: Largest stack that is loaded whole, voxels; larger ones are joined by blocks.
 _LOADED = 1_000_000_000
 
 
@@ -165,7 +165,7 @@ def _check_joined(a: Stack, b: Stack, offset: tuple[int, int, int], most: float)
 
 
 def _white(a: Stack, b: Stack, given: float | None) -> float | None:
-    """Return the value that counts as white: of floats the greatest there is."""
+    """Return the value of white: of floats the greatest in both stacks."""
     if given is not None or a.voxels.dtype.kind != "f":
         return given
     return max(1e-12, *(float(np.max(stack.voxels[at])) for stack in (a, b) for at in range(stack.size[0])))

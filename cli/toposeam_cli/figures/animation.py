@@ -1,4 +1,4 @@
-"""Watch the heat gather: the frames of a search as an animated picture."""
+"""The densities over the iterations of a search as an animated picture."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from toposeam_cli.figures.frames import PAPER, film_frame
 
 #: The two sides, sRGB.
 _A, _B = (214, 231, 245), (255, 236, 205)
-#: Of the longer side, px.
+#: Length of the longer side, px.
 _SIZE = 720
-#: The whole search takes about so long, a frame neither more nor less than these, and the seam is held, ms.
+#: Aimed duration of the whole search, bounds of a frame's, and duration of the last frame, ms.
 _WHOLE_MS, _FRAME_MS, _HELD_MS = 4000, (60, 400), 2000
 
 
 def animate(seam: ts.seam.Seam, suffix: str) -> bytes:
-    """Return the densities of a seam that was found with ``record_frames=True``, one frame an iteration,
-    endlessly.
+    """Draw the densities of a seam found with ``record_frames=True``, one frame an iteration, in an endless
+    loop.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def animate(seam: ts.seam.Seam, suffix: str) -> bytes:
 
 
 def _with_sides(picture: npt.NDArray[np.uint8], seam: ts.seam.Seam) -> npt.NDArray[np.uint8]:
-    """Return the last frame with the two sides tinted, so that one sees which is which."""
+    """Return the last frame with the two sides of the seam tinted."""
     top, left = seam.problem.overlap.start
     height, width = seam.problem.overlap.side.shape
     rows = top + np.linspace(0, height - 1, picture.shape[0]).round().astype(int)

@@ -1,4 +1,4 @@
-"""The densities of one iteration as a picture, and which iterations tell most."""
+"""The densities of one iteration as a picture, and the choice of the most informative iterations."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ import toposeam as ts
 
 #: Interfaces less dense than this are not drawn (thesis, Figure 3.12).
 LEAST_DENSITY = 0.1
-#: The seam and the heat, sRGB.
+#: Colour of the seam and the heat, sRGB.
 INK = (230, 30, 40)
-#: The overlap behind them.
+#: Colour of the overlap behind them, sRGB.
 PAPER = (243, 242, 238)
 
 Floats32 = npt.NDArray[np.float32]
@@ -23,7 +23,7 @@ Floats32 = npt.NDArray[np.float32]
 def film_frame(
     frame: ts.optimize.Frame, shared: npt.NDArray[np.bool_] | None = None, size: tuple[int, int] | None = None
 ) -> npt.NDArray[np.uint8]:
-    """Return one frame as a picture: each pixel interface a short line, the redder the denser.
+    """Draw one frame: each interface of pixels as a short line, the redder the denser.
 
     Parameters
     ----------
@@ -64,9 +64,7 @@ def film_frame(
 
 
 def choose_frames(frames: tuple[ts.optimize.Frame, ...], count: int) -> list[ts.optimize.Frame]:
-    """Return the frames that tell most: the last of every stage, and others as different from their
-    neighbours as can be.
-    """
+    """Choose informative frames: the last of every stage, and others that differ most from those chosen."""
     drawn = [np.concatenate([frame.right.ravel(), frame.down.ravel()]) for frame in frames]
     for values in drawn:
         values[values < LEAST_DENSITY] = 0
@@ -77,8 +75,8 @@ def choose_frames(frames: tuple[ts.optimize.Frame, ...], count: int) -> list[ts.
     visible = np.flatnonzero(lines >= 0.5 * lines[-1])
     if len(visible) <= count:
         return [frames[index] for index in visible]
-    # How much of the heat moved from each frame to the next; densities that all change by one factor move
-    # none. The last term is for time, which keeps frames apart that hardly differ.
+    # Share of the heat that moves from each frame to the next; a common factor of all densities moves none.
+    # The last term, for time, keeps frames apart that hardly differ.
     shares = [values / max(total, 1e-9) for values, total in zip(drawn, amount, strict=True)]
     steps = [0.5 * np.abs(after - before).sum() for before, after in pairwise(shares)]
     position = np.concatenate([[0.0], np.cumsum(steps)]) + 0.02 * np.arange(len(frames))
@@ -91,8 +89,8 @@ def choose_frames(frames: tuple[ts.optimize.Frame, ...], count: int) -> list[ts.
 
 
 def fitted(shape: tuple[int, int], size: tuple[int, int]) -> tuple[int, int]:
-    """Return the shape a picture takes within a size: a whole multiple, or smaller with the same
-    proportions.
+    """Return the largest shape within a size: a whole multiple of the picture's, or if that does not fit a
+    smaller one of the same proportions.
     """
     scale = min(size[0] / shape[0], size[1] / shape[1])
     if scale >= 1:

@@ -1,7 +1,7 @@
 """Convergence of the heat: the objective and compliance over the iterations, and a film strip of the
 densities.
 
-In kind the thesis's Figures 3.12 and 3.16 to 3.23.
+Like the thesis's Figures 3.12 and 3.16 to 3.23.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ _GAP = 12
 _CURVES = 330
 _STRIP = 820
 _LABEL = 110
-#: Decades of the objective shown above its last value; what is higher would flatten the rest.
+#: Decades of the objective shown above its last value; higher values would flatten the rest of the curve.
 _DECADES = 3
 
 Floats32 = npt.NDArray[np.float32]
 
 
 def check_matplotlib() -> None:
-    """Refuse figures that could not be drawn, before a seam is searched for them.
+    """Refuse a figure for want of matplotlib, before a seam is searched for it.
 
     Raises
     ------
@@ -47,7 +47,7 @@ def check_matplotlib() -> None:
         When matplotlib is not installed.
     """
     try:
-        with uninterrupted():  # it would take Ctrl-C for a part of it that cannot be loaded, and go on
+        with uninterrupted():  # matplotlib would take Ctrl-C for a failed optional import, and go on
             import matplotlib.figure  # noqa: F401
     except ImportError as error:
         raise ts.MissingPackageError(
@@ -123,19 +123,17 @@ class _Strip:
 
     columns: int
     rows: int
-    #: Height and width a frame may fill.
+    #: Height and width of the space of a frame.
     cell: tuple[int, int]
-    #: Height and width a frame does fill.
+    #: Height and width of the frame drawn in it.
     picture: tuple[int, int]
 
-    #: Above each row the stages, below it the iterations.
+    #: Space above each row for the stages, and below it for the iterations.
     head, foot = 44, 34
 
     @classmethod
     def fitting(cls, frames: list[ts.optimize.Frame]) -> _Strip:
-        """Return the number of columns at which frames come out largest, and rather without a gap in the last
-        row.
-        """
+        """Choose the number of columns that makes frames largest; a gap in the last row counts against it."""
         shape = film_frame(frames[0]).shape[:2]
         best, best_score = None, 0.0
         for rows in range(1, len(frames) + 1):
@@ -293,8 +291,8 @@ def _curves(axis: Any, seam: ts.seam.Seam) -> None:
 
 
 def plain_numbers(axis: Any) -> None:
-    """Set the ticks of a logarithmic axis at powers of ten, and where there are few of those at 2 and 5 times
-    them.
+    """Set the ticks of a logarithmic axis at powers of ten, and at 2 and 5 times these if its ends differ by
+    less than 200 times.
     """
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 

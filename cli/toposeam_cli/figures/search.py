@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import toposeam as ts
 
-#: Those of animations.
+#: Extensions of animations.
 ANIMATED = (".gif", ".webp")
 SUFFIXES = (".png", ".svg", ".pdf", *ANIMATED)
 
 
 def check_search(suffix: str) -> None:
-    """Refuse what could not be drawn, before a seam is searched for it.
+    """Refuse a figure that cannot be drawn, before a seam is searched for it.
 
     Raises
     ------
@@ -24,7 +24,7 @@ def check_search(suffix: str) -> None:
 
 
 def draw_search(seam: ts.seam.Seam, suffix: str) -> bytes:
-    """Return the file's content, for a seam that was found with ``record_frames=True``."""
+    """Draw the search of a seam found with ``record_frames=True``; return the file's content."""
     suffix = suffix.lower()
     if suffix in ANIMATED:
         from toposeam_cli.figures.animation import animate

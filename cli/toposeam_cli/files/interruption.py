@@ -1,5 +1,5 @@
-"""Ctrl-C and the signals of ``kill`` and a closed terminal, turned into exceptions, so that what is
-unfinished is tidied away.
+"""Ctrl-C and the signals of ``kill`` and a closed terminal, turned into exceptions, so that unfinished files
+are removed.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from toposeam_cli.files.semaphores import name_semaphores
 
 Value = TypeVar("Value")
 
-#: How often a waiting main thread looks for signals, s; only Windows needs it.
+#: Interval at which a waiting main thread looks for signals, s; only Windows needs it.
 _LOOK_EVERY_S = 0.2
 #: Delay until a missed interruption is raised again, s.
 _AGAIN_S = 0.02
-#: How long the first signal has to take effect before another one is heard, s.
+#: Time after a signal in which others are ignored, s, so that clean-up is not interrupted.
 _DEAF_S = 5.0
 
 
 class Terminated(SystemExit):
-    """The process was asked to end; leaves it with the exit code shells expect, 128 + the signal's number."""
+    """The process was asked to end; its exit code is the usual one, 128 + the signal's number."""
 
 
 @contextmanager
@@ -38,9 +38,9 @@ def terminations_raised() -> Iterator[None]:
     KeyboardInterrupt on Ctrl-C, unless another handler is set. While one of them takes effect, during
     clean-up, others are ignored for some seconds.
 
-    Where Python swallows exceptions (in callbacks of weak references, which importing has, and in
-    finalizers) they are raised again a moment later; where it wraps them in an error of its own, or a foreign
-    module puts one in their place, they leave the block themselves.
+    Python swallows exceptions in callbacks of weak references, which imports use, and in finalizers; they are
+    raised again a moment later. Where Python wraps them in an error of its own, or a foreign module replaces
+    them by one, the block raises the original exception.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -65,7 +65,7 @@ def terminations_raised() -> Iterator[None]:
             timer.daemon = True
             timer.start()
         else:
-            told(unraisable)
+            usual_hook(unraisable)
 
     def again() -> None:
         if within:
@@ -77,7 +77,7 @@ def terminations_raised() -> Iterator[None]:
         for name, handler in usual.items()
         if hasattr(signal, name) and signal.getsignal(getattr(signal, name)) == handler
     }
-    told, sys.unraisablehook = sys.unraisablehook, swallowed
+    usual_hook, sys.unraisablehook = sys.unraisablehook, swallowed
     before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
     try:
         yield
@@ -92,26 +92,26 @@ def terminations_raised() -> Iterator[None]:
         within = False
         for number, handler in before.items():
             signal.signal(number, handler)
-        sys.unraisablehook = told
+        sys.unraisablehook = usual_hook
 
 
 def _interruption_behind(error: BaseException) -> BaseException | None:
-    """Return the interruption that an exception hides: Python 3.11 tells of one that comes while a class is
-    made, as importing does, by a RuntimeError of its own, and modules made with pybind11 tell of one that
-    comes while they are loaded by an ImportError.
+    """Return the interruption that an exception hides. Python 3.11 wraps one that comes while a class is
+    made, as in imports, in a RuntimeError, and modules made with pybind11 wrap one that comes while they load
+    in an ImportError.
     """
     return next((each for each in causes(error) if isinstance(each, KeyboardInterrupt | Terminated)), None)
 
 
 @contextmanager
 def ctrl_c_later() -> Iterator[None]:
-    """Keep Ctrl-C from processes that are started in the block, from their first moment on; here it and the
-    others take effect after the block, so that no process is left half started.
+    """Block Ctrl-C in processes that are started in the block, from their first moment on. In this process it
+    and the other signals take effect after the block, so that no process is left half started.
     """
     if not hasattr(signal, "pthread_sigmask"):
         yield  # Windows
         return
-    start_resource_tracker()  # here, as it would unblock Ctrl-C
+    start_resource_tracker()  # before the block, as starting it unblocks Ctrl-C
     with uninterrupted():
         before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,))
         try:
@@ -121,15 +121,15 @@ def ctrl_c_later() -> Iterator[None]:
 
 
 def start_resource_tracker() -> None:
-    """Start the resource tracker of :mod:`multiprocessing`, if it does not run yet, such that a closed
-    terminal spares it: when it dies, every process complains. To be called before anything is shared.
+    """Start the resource tracker of :mod:`multiprocessing`, if it does not run yet, so that it survives a
+    closed terminal: every process would complain of its death. Call this before anything is shared.
     """
     if not hasattr(signal, "pthread_sigmask"):
         return  # Windows has none
     from multiprocessing import resource_tracker
 
     name_semaphores()
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGHUP,))  # which the new process inherits
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGHUP,))  # the new process inherits the mask
     try:
         resource_tracker.ensure_running()
     finally:
@@ -138,7 +138,7 @@ def start_resource_tracker() -> None:
 
 @contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Let Ctrl-C and ``kill`` take effect after a block that must not be left half done, and is short."""
+    """Delay Ctrl-C and ``kill`` to the end of a short block that must not be left half done."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -166,16 +166,15 @@ def interruptible(call: Callable[[], Value], stop: Callable[[], object]) -> Valu
     """Return the value of a long call into foreign code, which Ctrl-C and ``kill`` can end.
 
     A signal takes effect only when the main thread is back in Python, so the call runs in a thread of its own
-    while this one waits. When this one is interrupted it calls `stop`, waits for the call to give up, and
-    lets the interruption go on.
+    while the main thread waits. An interrupted main thread calls `stop`, waits for the call to give up, and
+    raises the interruption.
     """
     if threading.current_thread() is not threading.main_thread():
-        return call()  # signals go to the main thread, and the waiting call there decides
+        return call()  # signals go to the main thread, whose waiting call handles them
     results: list[Value] = []
     errors: list[BaseException] = []
-    begins = (
-        threading.Lock()
-    )  # its taker decides: the thread that the call begins, or an interruption that it never does
+    #: Taken by the thread, which then begins the call, or by an interruption, which so prevents it.
+    begins = threading.Lock()
     done = threading.Event()
 
     def work() -> None:
@@ -195,7 +194,7 @@ def interruptible(call: Callable[[], Value], stop: Callable[[], object]) -> Valu
     except BaseException:
         if not begins.acquire(blocking=False):
             while not done.is_set():
-                stop()  # again and again: what is stopped between two steps forgets it
+                stop()  # repeatedly, as a stop between two steps is lost
                 done.wait(_LOOK_EVERY_S)
         raise
     if errors:

@@ -1,4 +1,4 @@
-"""Files that may be read: those on a disk, for a pipe or a device may never come to an end."""
+"""Checks that a file may be read: it is on a disk, as a pipe or a device may never end."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from toposeam.errors import OptionError
 
 
 def real_path(path: Path) -> Path:
-    """Return where a path leads; a link that leads to itself stays, where :meth:`Path.resolve` fails."""
+    """Resolve the links of a path; a link to itself stays, for which :meth:`Path.resolve` fails."""
     return Path(os.path.realpath(path))
 
 
@@ -22,7 +22,7 @@ def check_regular(path: Path, what: str = "it", *, folders: bool = True) -> None
     ----------
     path : Path
     what : str
-        What the file should be, for the error's text.
+        The kind of file that is expected, for the error's text.
     folders : bool
         Whether it may be a folder.
 
@@ -39,7 +39,7 @@ def check_regular(path: Path, what: str = "it", *, folders: bool = True) -> None
 
 
 def check_pattern(path: Path) -> None:
-    """Refuse a pattern of files, which is there because the shell found none for it, or left it alone.
+    """Refuse a pattern of file names, which the shell has not replaced: it matches no file or was in quotes.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def check_pattern(path: Path) -> None:
 
 
 def check_regular_below(folder: Path, what: str) -> None:
-    """Refuse folders in which anything is neither a file nor a folder.
+    """Refuse a folder that holds anything but files and folders, at any depth.
 
     Raises
     ------

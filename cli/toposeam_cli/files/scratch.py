@@ -1,4 +1,4 @@
-"""Files of raw pixels beside the output, for what does not fit into memory; none outlives its command."""
+"""Temporary files beside the output for pixels that do not fit into memory; none outlives its command."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from toposeam_cli.files.regular import real_path
 from toposeam_cli.files.temporary import claimed, claimed_folder, remove, temporary_beside, tidy_once
 from toposeam_cli.files.writing import OutputError, reason
 
-#: So many files may be open at once, if the system lets us.
+#: Number of files that may be open at once, if the system allows as many: each picture needs a few.
 _MOST_OPEN = 1 << 16
 
 
 class Scratch:
-    """A folder for temporary files; those a killed command left are removed by the next one."""
+    """A folder for temporary files. The next command removes those that a killed one left."""
 
     def __init__(self, folder: Path, open_files: ExitStack) -> None:
         self._folder, self._open = folder, open_files
@@ -41,8 +41,8 @@ class Scratch:
         return path
 
     def empty(self, needed: Iterable[Path]) -> None:
-        """Give back the space of all files but those that are still needed, while other work goes on; they
-        themselves stay to the end.
+        """Truncate all files but those that are still needed, in a thread. The files themselves stay to the
+        end.
         """
         others = set(self._files).difference(needed)
         thread = Thread(target=_emptied, args=(others,), daemon=True)
@@ -79,8 +79,8 @@ class Scratch:
 
 @functools.cache
 def _let_many_be_open() -> None:
-    """Raise the limit of open files to the system's maximum: each of ours is open as long as it is ours, and
-    1,024, which many systems begin with, is less than a thousand pictures take.
+    """Raise the limit of open files. Each temporary file stays open, and the usual limit of 1,024 is too low
+    for a thousand pictures.
     """
     with suppress(ImportError, OSError, ValueError):  # Windows has no such limit, others may refuse
         import resource
@@ -92,7 +92,7 @@ def _let_many_be_open() -> None:
 
 def _emptied(paths: Iterable[Path]) -> None:
     for path in paths:
-        with suppress(OSError):  # at the end they go as a whole
+        with suppress(OSError):  # they are removed at the end anyway
             os.truncate(path, 0)
 
 

@@ -1,5 +1,5 @@
-"""Named semaphores of :mod:`multiprocessing`: who made them stands in their names, so that those of killed
-commands can be removed. The system keeps them when all processes that share them are killed at once.
+"""Named semaphores of :mod:`multiprocessing`. The system keeps them when all processes that share them are
+killed at once. So their names hold their process, and the next command removes those of killed ones.
 """
 
 from __future__ import annotations
@@ -11,20 +11,21 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 
-#: Where Linux keeps them.
+#: Folder of named semaphores in Linux.
 _FOLDER = Path("/dev/shm")  # noqa: S108 - the system's
 _OURS = re.compile(r"sem\.toposeam-(\d+)-(\d+)-.*")
 
 
 def name_semaphores() -> None:
-    """Give the semaphores that this process makes from now on names that say whose they are, and remove those
-    of processes of ours that are gone.
+    """Put this process's number into the names of the semaphores that it makes from now on, and remove those
+    of our processes that have ended.
     """
     configuration = getattr(multiprocessing.current_process(), "_config", {})
     if not sys.platform.startswith("linux") or str(configuration.get("semprefix")) != "/mp":
         return
     with suppress(OSError):
-        space = re.sub(r"\D", "", str(Path("/proc/self/ns/pid").readlink()))  # elsewhere numbers mean others
+        # Numbers of processes are valid in one namespace only.
+        space = re.sub(r"\D", "", str(Path("/proc/self/ns/pid").readlink()))
         configuration["semprefix"] = f"/toposeam-{space}-{os.getpid()}"
         for entry in list(os.scandir(_FOLDER)):
             found = _OURS.fullmatch(entry.name)

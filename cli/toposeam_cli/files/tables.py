@@ -1,4 +1,6 @@
-"""Tables in TOML and JSON that people write: read within limits, refused in one sentence that says where."""
+"""Tables in TOML and JSON that people write. They are read within limits; an error names the place in one
+sentence.
+"""
 
 from __future__ import annotations
 
@@ -10,9 +12,9 @@ from typing import Any
 from toposeam.errors import OptionError
 from toposeam_cli.files.regular import check_regular
 
-#: Longer ones are not written by hand.
+#: Largest table that is read, bytes: nobody writes a longer one by hand.
 LARGEST_BYTES = 2**20
-#: Tables and lists within each other; ours have three.
+#: Deepest nesting of tables and lists; ours have three levels.
 _DEEPEST = 20
 
 
@@ -23,7 +25,7 @@ def read_table(path: Path, what: str) -> tuple[Any, str]:
     ----------
     path : Path
     what : str
-        What it should be, for error texts: "a layout".
+        The kind of table that is expected, for error texts: "a layout".
 
     Returns
     -------
@@ -58,9 +60,9 @@ def read_text(path: Path, what: str, largest: int = LARGEST_BYTES) -> str:
     ----------
     path : Path
     what : str
-        What it should be, for the error's text: "a list of pictures".
+        The kind of text that is expected, for the error's text: "a list of pictures".
     largest : int
-        More bytes than that are refused.
+        Largest size, bytes.
 
     Raises
     ------
@@ -91,7 +93,7 @@ def read_text(path: Path, what: str, largest: int = LARGEST_BYTES) -> str:
 
 
 def _check(path: Path, value: Any, depth: int) -> None:
-    """Refuse what is deep, and texts that no file or layer can be called."""
+    """Refuse deep nesting, and texts with a NUL, which no name of a file or layer can have."""
     if depth > _DEEPEST:
         raise RecursionError
     if isinstance(value, str) and "\0" in value:

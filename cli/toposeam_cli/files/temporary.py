@@ -1,5 +1,5 @@
-"""Files and folders under names that only we use: locked while they are written, and removed when their
-writer is interrupted, ends, or is gone.
+"""Temporary files and folders under names that only we use. They are locked while they are written, and
+removed when their writer is interrupted, ends, or was killed.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ with suppress(ImportError):  # there is none on Windows
     import fcntl
 
 _OURS = re.compile(r"\.toposeam-[0-9a-f]{16}\.part")
-#: Where a file system has no locks, what is untouched for so long has lost its writer, s.
+#: Age at which an unchanged temporary file counts as abandoned where the file system has no locks, s.
 _ABANDONED_S = 24 * 3600.0
 
-#: What there is under temporary names, and the process that made it (a fork does not own it).
+#: Temporary files and folders, and the process that made each (a fork does not own it).
 _unfinished: dict[Path, int] = {}
-#: Folders where the leftovers of killed commands have been looked for by this process.
+#: Folders in which this process has removed the leftovers of killed commands.
 _tidied: set[Path] = set()
 
 
 def temporary_beside(target: Path) -> Path:
-    """Return a new temporary name in the folder of `target`; what is there goes with the process at the
-    latest.
+    """Return a new temporary name in the folder of `target`; whatever has it is removed when the process
+    ends.
     """
     path = target.with_name(f".toposeam-{secrets.token_hex(8)}.part")
     not_needed(path)
@@ -46,7 +46,7 @@ def not_needed(path: Path) -> None:
 
 
 def remove(path: Path) -> None:
-    """Remove a file or folder, if it is there and that can be."""
+    """Remove a file or folder if possible."""
     with suppress(OSError):
         if stat.S_ISDIR(path.lstat().st_mode):
             shutil.rmtree(path, ignore_errors=True)
@@ -57,8 +57,8 @@ def remove(path: Path) -> None:
 
 @atexit.register
 def remove_unfinished() -> None:
-    """Remove what this process has under temporary names, at whatever step it was interrupted. To be called
-    before it ends without Python's leave.
+    """Remove the temporary files and folders of this process, at whatever step it was interrupted. Call this
+    before :func:`os._exit`.
     """
     for path, owner in list(_unfinished.items()):
         if owner == os.getpid():
@@ -83,8 +83,8 @@ def claimed(path: Path) -> Iterator[None]:
 
 @contextmanager
 def claimed_folder(path: Path, mode: int = 0o777) -> Iterator[Path]:
-    """Make a folder that :func:`remove_stale` leaves alone within the block, and that is gone after it unless
-    it has another name by then.
+    """Make a folder that :func:`remove_stale` leaves alone within the block. It is removed at the end unless
+    it was renamed.
     """
     descriptor = -1
     try:
@@ -104,8 +104,8 @@ def claimed_folder(path: Path, mode: int = 0o777) -> Iterator[Path]:
 
 @contextmanager
 def private_folder() -> Iterator[Path]:
-    """Make a folder that nobody else can open, where the system keeps temporary files; those of killed
-    commands go first.
+    """Make a folder that no other user can open, in the system's folder for temporary files; remove those of
+    killed commands first.
     """
     shared = Path(tempfile.gettempdir())
     tidy_once(shared)
@@ -114,7 +114,7 @@ def private_folder() -> Iterator[Path]:
 
 
 def _is_claimed(path: Path, descriptor: int) -> bool:
-    """Claim a new file; False, and closed, when another process that tidied up was faster."""
+    """Claim a new file. False if another process has removed it meanwhile as stale; it is then closed."""
     lock(descriptor)
     with suppress(OSError):
         if path.stat().st_ino == os.fstat(descriptor).st_ino:
@@ -134,15 +134,15 @@ def create(path: Path) -> int:
 
 
 def tidy_once(folder: Path) -> None:
-    """:func:`remove_stale`, once a process."""
+    """Call :func:`remove_stale`, once per process and folder."""
     if folder not in _tidied:
         _tidied.add(folder)
         remove_stale(folder)
 
 
 def remove_stale(folder: Path) -> None:
-    """Remove the temporary files and folders of a folder whose writers are gone: this user's, called as only
-    we call them, and not locked.
+    """Remove the temporary files and folders of a folder whose writers have ended: this user's, with our kind
+    of name, and not locked.
     """
     with suppress(OSError), os.scandir(folder) as entries:
         for entry in entries:
@@ -160,7 +160,7 @@ def _remove_if_stale(path: Path) -> None:
         return
     is_old = time.time() - state.st_mtime > _ABANDONED_S
     if fcntl is None:
-        if is_old or not is_folder:  # an open file cannot be removed there, what is in an open folder can
+        if is_old or not is_folder:  # Windows does not remove open files, but files in open folders
             remove(path)
         return
     descriptor = os.open(path, (os.O_RDONLY if is_folder else os.O_RDWR) | os.O_NOFOLLOW)
@@ -173,7 +173,7 @@ def _remove_if_stale(path: Path) -> None:
 
 
 def lock(descriptor: int) -> bool:
-    """Claim an open file until it is closed, or its process ends: False if another process has claimed it."""
+    """Claim an open file until it is closed or its process ends; False if another process has claimed it."""
     return _lock(descriptor) is not False
 
 

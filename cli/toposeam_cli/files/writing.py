@@ -1,10 +1,12 @@
-"""Files out: checked before the long work, written under temporary names, renamed together when all are
+"""Outputs: checked before the long work, written under temporary names, renamed together when all are
 complete.
 """
 
 from __future__ import annotations
 
+import hashlib
 import os
+import secrets
 import shutil
 import stat
 import tempfile
@@ -16,10 +18,10 @@ from pathlib import Path
 
 from toposeam.errors import OptionError, TopoSeamError
 from toposeam_cli.files.interruption import uninterrupted
-from toposeam_cli.files.prepared import Prepared, digest, give_name, put_folder, take_back
 from toposeam_cli.files.temporary import (
     claimed,
     claimed_folder,
+    create,
     not_needed,
     remove,
     temporary_beside,
@@ -35,22 +37,100 @@ class OutputError(TopoSeamError, OSError):
 
 
 @dataclass(slots=True, eq=False)
+class Prepared:
+    """A complete output under a temporary name."""
+
+    path: Path
+    target: Path
+    temporary: Path
+    force: bool
+    is_folder: bool = False
+    #: The replaced file or folder, kept until all outputs have their names.
+    backup: Path | None = None
+    #: Inode of the temporary file, by which the renamed output is recognized.
+    inode: int | None = None
+
+
+def give_name(temporary: Path, target: Path, force: bool) -> None:
+    """Give a complete file its name; without `force` only if no file has it."""
+    if force:
+        temporary.replace(target)
+        return
+    try:
+        os.link(temporary, target)  # unlike a rename, refuses a name that is taken
+    except FileExistsError:
+        raise
+    except OSError:
+        # No hard links here (FAT, some network drives): create the name, then replace our own file.
+        os.close(create(target))
+        try:
+            temporary.replace(target)
+        except BaseException:
+            target.unlink()
+            raise
+
+
+def put_folder(output: Prepared, force: bool) -> None:
+    """Give a complete folder its name; its predecessor is kept beside it."""
+    if os.path.lexists(output.target):
+        if not force:
+            raise FileExistsError
+        # Not a temporary name: clean-up must not take it for an unfinished folder.
+        output.backup = output.target.with_name(f".toposeam-{secrets.token_hex(8)}.old")
+        output.target.rename(output.backup)
+    try:
+        output.temporary.rename(output.target)
+    except BaseException:
+        if output.backup is not None:
+            output.backup.rename(output.target)
+        raise
+
+
+def take_back(output: Prepared) -> None:
+    """Undo what :func:`give_name` may have done, unless another process has changed it since."""
+    if output.inode is None or output.target.stat().st_ino != output.inode:
+        return
+    if output.is_folder:
+        remove(output.target)
+        if output.backup is not None:
+            output.backup.rename(output.target)
+    elif output.backup is not None:
+        output.backup.replace(output.target)
+    else:
+        output.target.unlink()
+
+
+def digest(path: Path) -> str:
+    """Return the SHA-256 of a file's content, or of a folder's files; a random number for neither."""
+    try:
+        if path.is_dir() and not path.is_symlink():
+            files = sorted(each for each in path.rglob("*") if not each.is_dir())
+            content = "".join(f"{each.relative_to(path)}\0{digest(each)}\0" for each in files)
+            return hashlib.sha256(os.fsencode(content)).hexdigest()
+        if not path.is_file():
+            return secrets.token_hex()
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError:
+        return secrets.token_hex()
+
+
+@dataclass(slots=True, eq=False)
 class OutputBlock:
     """The outputs of a block, which get their names together; see :func:`all_or_nothing`."""
 
-    #: Files that we made earlier, by their real paths, and the SHA-256 of what we wrote: as long as that is
-    #: what they hold, they may be replaced.
+    #: SHA-256 of files that we made earlier, by their real paths. They may be replaced while they have it.
     own: Mapping[str, str] = field(default_factory=dict)
-    #: Whether a former try may have been cut short after its outputs got their names: one that is there
-    #: already with the very content it should get is as good as written.
+    #: Whether a former try may have ended after its outputs got their names: an output that exists with equal
+    #: content counts as written.
     resumed: bool = False
-    #: The SHA-256 of every file that the block made, by its real path; at its end, where `digests` was asked.
+    #: SHA-256 of every file that the block made, by its real path; filled at its end if `digests` was set.
     made: dict[str, str] = field(default_factory=dict)
     _prepared: list[Prepared] = field(default_factory=list)
     _open: ExitStack = field(default_factory=ExitStack)
 
     def may_replace(self, target: Path) -> bool:
-        """Test whether an existing file may be found there, or replaced, without force."""
+        """Test whether an existing file may be there, or be replaced, without force."""
         return self.resumed or self._is_own(target)
 
     def claim(self, output: Prepared) -> None:
@@ -62,7 +142,7 @@ class OutputBlock:
     def complete(self, output: Prepared) -> None:
         """Mark the temporary file or folder as complete."""
         with suppress(OSError):
-            shutil.copymode(output.target, output.temporary)  # of what it will replace, if anything
+            shutil.copymode(output.target, output.temporary)  # of the file that it replaces, if there is one
         if not output.is_folder:
             with output.temporary.open("rb+") as file:
                 os.fsync(file.fileno())
@@ -82,7 +162,7 @@ class OutputBlock:
         with uninterrupted():
             try:
                 for output in self._prepared:
-                    with _failures_told(output.path):
+                    with _failures_reported(output.path):
                         begun.append(output)
                         self._put(output)
             except BaseException:
@@ -103,7 +183,7 @@ class OutputBlock:
         self._open.close()
 
     def forget(self, *outputs: Prepared) -> None:
-        """Remove the temporary files of outputs that will not be."""
+        """Drop outputs and remove their temporary files."""
         for output in outputs:
             remove(output.temporary)
             if output in self._prepared:
@@ -134,7 +214,7 @@ class OutputBlock:
         give_name(output.temporary, output.target, force)
 
 
-#: The outputs of the block we are in.
+#: The outputs of the current block.
 _outputs: ContextVar[OutputBlock | None] = ContextVar("outputs", default=None)
 
 
@@ -175,7 +255,7 @@ def check_output(
                 f"cannot write '{path}': there is no folder '{target.parent}'; create it or choose another "
                 "one"
             )
-        tidy_once(target.parent)  # also of a command that was killed when its outputs had their names
+        tidy_once(target.parent)  # also old folders of a command that was killed after renaming its outputs
         with suppress(FileNotFoundError):
             if not stat.S_ISREG(target.lstat().st_mode):
                 raise OptionError(
@@ -184,8 +264,8 @@ def check_output(
                 )
             if not force and not is_expected(path):
                 raise _already_exists(path)
-        # Only creating a file tells: access rights say nothing of read-only mounts, quotas, or what root may
-        # do.
+        # Creating a file is the only sure test: access rights do not show read-only mounts, quotas, or what
+        # root may do.
         tempfile.TemporaryFile(dir=target.parent).close()
     except TopoSeamError:
         raise
@@ -228,7 +308,7 @@ def atomic_write(path: str | Path, content: bytes | str, force: bool = False) ->
 
 @contextmanager
 def replacing(path: Path, force: bool = False, *, folder: bool = False) -> Iterator[Path]:
-    """Yield an empty temporary file in the folder of `path`; on success it takes that name, on any failure it
+    """Yield an empty temporary file in the folder of `path`. On success it gets that name, on any failure it
     is removed.
 
     Within :func:`all_or_nothing` it takes the name at the end of that block, with all the others. Without
@@ -236,14 +316,14 @@ def replacing(path: Path, force: bool = False, *, folder: bool = False) -> Itera
     pointing where it did, and its target is replaced. An :class:`OSError` within the block is a failure to
     write, and leaves as :class:`OutputError`.
 
-    With `folder` it is a folder; what `force` then replaces is for the caller to check.
+    With `folder` it is a folder; the caller then checks what `force` replaces.
     """
     outputs = _outputs.get()
     if outputs is None:
         with all_or_nothing(), replacing(path, force, folder=folder) as temporary:
             yield temporary
         return
-    with _failures_told(path):
+    with _failures_reported(path):
         target = _target(path)
         output = Prepared(path, target, temporary_beside(target), force, folder)
         try:
@@ -262,15 +342,16 @@ def all_or_nothing(
     """Let the files that are written in the block appear together at its end, or none of them.
 
     When the block fails, or one of its outputs cannot get its name, every file is as it was before, also
-    those that `force` would have replaced. A block within another one leaves the end to that.
+    those that `force` would have replaced. The outputs of a block within another one get their names with
+    that one's.
 
     Parameters
     ----------
     own : mapping of real path to SHA-256, optional
         Files that we made earlier: they may be replaced without force while they hold what we wrote.
     resumed : bool
-        Whether the same block may have been cut short between giving names and telling so: outputs that are
-        there already, byte for byte, are then no reason to fail.
+        Whether the same block may have ended between giving names and recording it: outputs that exist
+        already and are equal byte for byte are then no error.
     digests : bool
         Whether to note the SHA-256 of every file in ``made``.
 
@@ -295,20 +376,20 @@ def all_or_nothing(
     finally:
         try:
             _leave(outputs)
-        finally:  # even if interrupted just there; what is cut short here `remove_unfinished` does
+        finally:  # even if interrupted there; if this is interrupted, `remove_unfinished` does the rest
             with uninterrupted():
                 _leave(outputs)
                 outputs.close()
 
 
 def _leave(outputs: OutputBlock) -> None:
-    """Leave a block of outputs: later files do not belong to it."""
+    """End a block of outputs: later files do not belong to it."""
     if _outputs.get() is outputs:
         _outputs.set(None)
 
 
 @contextmanager
-def _failures_told(path: Path) -> Iterator[None]:
+def _failures_reported(path: Path) -> Iterator[None]:
     try:
         yield
     except TopoSeamError:

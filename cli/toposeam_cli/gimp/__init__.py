@@ -1,1 +1,3 @@
-"""GIMP's folders, what is installed there, and why it is not in the menu."""
+"""GIMP's folders and programs, the installation of the plug-in, and the diagnosis where it is not in the
+menu.
+"""

@@ -19,13 +19,13 @@ from toposeam_cli.gimp.programs import Program, programs
 
 _INSTALL = "run: toposeam gimp install"
 _PROBE_S = 180.0
-#: What GIMP itself is asked in its own Python: is the procedure there?
+#: Code for GIMP's own Python: does GIMP know the procedure?
 _PROBE = "print('TOPOSEAM', Gimp.get_pdb().procedure_exists('plug-in-toposeam-stitch'))"
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """Something that was looked at."""
+    """The result of one check."""
 
     well: bool
     text: str
@@ -33,7 +33,7 @@ class Finding:
 
 
 def examine(profiles: Sequence[Profile]) -> Iterator[Finding]:
-    """Look at every GIMP and every profile, at the engine, and ask each GIMP with the profile it reads."""
+    """Check every GIMP, every profile and the engine, and ask each GIMP with the profile that it reads."""
     found = programs()
     yield from _gimps(found)
     for profile in profiles:
@@ -184,21 +184,21 @@ def _plug_in_path(profile: Profile) -> str:
     path = f"{profile.plug_ins}:${{gimp_plug_in_dir}}/plug-ins"
     if profile.version is not None or profile.kind == "GIMP3_DIRECTORY":
         with suppress(OSError):
-            told = (folder / "gimprc").read_text(encoding="utf-8", errors="replace")
-            if match := re.search(r'^\(plug-in-path "([^"\n]*)"\)', told, re.MULTILINE):
+            settings = (folder / "gimprc").read_text(encoding="utf-8", errors="replace")
+            if match := re.search(r'^\(plug-in-path "([^"\n]*)"\)', settings, re.MULTILINE):
                 path = match[1].replace("${gimp_dir}", str(folder))
     return path
 
 
 def _probe(program: Program, profile: Profile) -> Finding:
-    """Let a GIMP load the plug-in from where it looks, with a profile that is thrown away."""
+    """Ask a GIMP whether it loads the plug-in from its search path, with a temporary profile."""
     console, name = str(program.console), f"GIMP {program.version}"
     with tempfile.TemporaryDirectory(prefix="toposeam-doctor-") as scratch:
         (Path(scratch) / "gimprc").write_text(
             f'(plug-in-path "{_plug_in_path(profile)}")\n', encoding="utf-8"
         )
         command = [console, "-nidfs", "--batch-interpreter=python-fu-eval", "-b", _PROBE, "--quit"]
-        own = str(Path(sys.executable).parent)  # a virtual environment's Python has none of GIMP's modules
+        own = str(Path(sys.executable).parent)  # the Python of a virtual environment lacks GIMP's modules
         path = os.pathsep.join(part for part in os.environ.get("PATH", "").split(os.pathsep) if part != own)
         environment = {**os.environ, "GIMP3_DIRECTORY": scratch, "PATH": path}
         try:

@@ -1,4 +1,4 @@
-"""The Python that does the work in GIMP: whether it has TopoSeam, and one of its own where there is none."""
+"""The Python of the engine for GIMP: a check that it has TopoSeam, and a virtual environment for it."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ _ASK_S = 60.0
 
 
 def check_python(python: Path) -> list[str]:
-    """List the methods the plug-in could offer that the engine of a Python lacks.
+    """List the methods of the plug-in that the engine of a Python lacks.
 
     Raises
     ------
     OptionError
-        When it is no Python, has no TopoSeam, or another release of it.
+        When it is no Python, or has no TopoSeam or another release of it.
     """
     try:
-        told = subprocess.run(  # noqa: S603 - what the user named, and no shell
+        answer = subprocess.run(  # noqa: S603 - what the user named, and no shell
             [str(python), "-P", "-c", _ASK], capture_output=True, text=True, timeout=_ASK_S, check=False
         )
     except (OSError, subprocess.TimeoutExpired) as error:
@@ -39,9 +39,9 @@ def check_python(python: Path) -> list[str]:
             f"{python} does not run ({type(error).__name__}); give the python of an environment that has "
             "toposeam"
         ) from error
-    words = told.stdout.split()
-    if told.returncode != 0 or len(words) != 2:
-        said = (told.stderr.strip().splitlines() or ["it says nothing"])[-1]
+    words = answer.stdout.split()
+    if answer.returncode != 0 or len(words) != 2:
+        said = (answer.stderr.strip().splitlines() or ["it says nothing"])[-1]
         raise OptionError(
             f"{python} has no TopoSeam ({said}); give the python of an environment that has it, or let one "
             "be made: toposeam gimp install --venv"
@@ -74,14 +74,14 @@ def usual_folder() -> Path:
 
 
 def make_environment(folder: Path) -> Path:
-    """Make a virtual environment with the TopoSeam that is running; its Python.
+    """Make a virtual environment with the TopoSeam that is running; return its Python.
 
     Raises
     ------
     OptionError
         When the folder holds something else.
     OutputError
-        When it cannot be made; the text has the last words of what failed.
+        When it cannot be made; the text ends with the last line of the failed command.
     """
     if folder.exists() and not folder.is_dir():
         raise OptionError(f"{folder} is a file; name a folder, as --venv FOLDER")
@@ -107,20 +107,20 @@ def make_environment(folder: Path) -> Path:
 
 
 def requirement() -> str:
-    """Return where pip gets this very TopoSeam: the checkout or archive that it was installed from. No
-    package index has it, so a package of its name there would be a stranger's.
+    """Return pip's requirement for this very TopoSeam: the checkout or archive from which it was installed.
+    No package index has it, so a package of that name there would be a stranger's.
 
     Raises
     ------
     OptionError
-        Where it is not known.
+        When that place is not known.
     """
     try:
-        told = distribution("toposeam").read_text("direct_url.json")
+        answer = distribution("toposeam").read_text("direct_url.json")
     except PackageNotFoundError:
-        told = None
-    if told:
-        return f"toposeam[cli] @ {json.loads(told)['url']}"
+        answer = None
+    if answer:
+        return f"toposeam[cli] @ {json.loads(answer)['url']}"
     raise OptionError(
         "this TopoSeam does not say where it was installed from; make an environment from a checkout "
         "(python -m venv FOLDER, and FOLDER/bin/pip install CHECKOUT[cli]), and name its Python with --python"

@@ -20,7 +20,7 @@ from toposeam_cli.gimp.programs import programs
 
 #: Name of the folder and of the file in it that GIMP runs; GIMP wants them equal.
 PLUG_IN = "toposeam_gimp"
-#: Beside it: which Python does the work, and which files were put there.
+#: File beside it that names the Python of the engine and the installed files.
 _RECORD = "engine.json"
 
 
@@ -31,7 +31,7 @@ class Profile:
     plug_ins: Path
     #: "3.0"; None where only the folder is known.
     version: str | None
-    #: How GIMP was installed, as far as the folder tells: "GIMP", "Flatpak", "Snap", or "folder".
+    #: Kind of GIMP's installation, as far as the folder shows it: "GIMP", "Flatpak", "Snap", or "folder".
     kind: str
 
     @property
@@ -41,12 +41,12 @@ class Profile:
 
     @property
     def title(self) -> str:
-        """For people."""
+        """Name of the profile in messages."""
         return f"{self.kind} {self.version}" if self.version else str(self.plug_ins)
 
 
 def source() -> Path:
-    """Return the plug-in as this installation brought it."""
+    """Return the folder of the plug-in in this installation of TopoSeam."""
     found = find_spec(PLUG_IN)
     if found is None or not found.submodule_search_locations:
         raise MissingPackageError(
@@ -78,20 +78,24 @@ def profiles(
     platform: str | None = None,
     home: Path | None = None,
 ) -> list[Profile]:
-    """Return the GIMP 3 profiles of this user: those that are there, and those that an installed GIMP would
-    make when it is started; with `version` only that one's.
+    """Return the GIMP 3 profiles of this user: those that exist, and those that an installed GIMP would make
+    at its first start. With `version` only that version's.
 
     Raises
     ------
     OptionError
-        When there is none, or `version` is none of GIMP 3.
+        When there is none, or `version` is no version of GIMP 3.
     """
     environment = os.environ if environment is None else environment
     if version is not None and not re.fullmatch(r"3\.\d+", version):
         raise OptionError(f"--gimp-version is {version!r}; TopoSeam is for GIMP 3: write 3.0 or 3.2")
-    told = environment.get("GIMP3_DIRECTORY")
-    if told:
-        place = Path(told) if Path(told).is_absolute() else (Path.home() if home is None else home) / told
+    directory = environment.get("GIMP3_DIRECTORY")
+    if directory:
+        place = (
+            Path(directory)
+            if Path(directory).is_absolute()
+            else (Path.home() if home is None else home) / directory
+        )
         return [Profile(plug_ins=place / "plug-ins", version=version, kind="GIMP3_DIRECTORY")]
     places = list(roots(environment, platform, home))
     found = [
@@ -115,9 +119,7 @@ def profiles(
 
 
 def _wanted(version: str | None, kinds: Sequence[str]) -> Iterator[tuple[str, str]]:
-    """Yield the profiles that should be there: the version that was named, else of every GIMP 3 on this
-    machine.
-    """
+    """Yield the profiles that should exist: of the named version, else of every GIMP 3 on this machine."""
     if version is not None:
         yield kinds[0], version
         return
@@ -127,13 +129,13 @@ def _wanted(version: str | None, kinds: Sequence[str]) -> Iterator[tuple[str, st
 
 
 def is_new(profile: Profile) -> bool:
-    """Test whether GIMP has not been started with this profile yet."""
+    """Test whether GIMP was never started with this profile."""
     return profile.version is not None and not profile.plug_ins.parent.is_dir()
 
 
 def older_profiles(profile: Profile) -> list[str]:
-    """Return versions whose settings GIMP would take over at its first start, if there were no new profile
-    yet.
+    """Return the versions whose settings GIMP would take over at its first start if there were no new
+    profile.
     """
     if profile.version is None:
         return []
@@ -143,9 +145,9 @@ def older_profiles(profile: Profile) -> list[str]:
 
 
 def _check_own(target: Path) -> None:
-    """Refuse a folder that holds anything else than the plug-in, for it is going to be removed.
+    """Refuse a folder that holds more than the plug-in, as it will be removed.
 
-    Its files are those that :func:`install_into` has noted there, and those that it would copy.
+    The plug-in's files are those that :func:`install_into` has recorded there, and those that it would copy.
     """
     if not os.path.lexists(target):
         return
@@ -171,20 +173,20 @@ def _check_own(target: Path) -> None:
 
 
 def install_into(profile: Profile, python: Path, without: Sequence[str] = ()) -> Path:
-    """Put the plug-in into a profile, in place of an older one; it is complete, or as before.
+    """Install the plug-in in a profile, in place of an older one. On failure the folder is as before.
 
     Parameters
     ----------
     profile : Profile
     python : Path
-        The Python that does the work.
+        The Python of the engine.
     without : sequence of str
-        Methods that it does not have.
+        Methods that the engine lacks.
 
     Raises
     ------
     OptionError
-        When what is there is not the plug-in, or holds other files too.
+        When the folder is not the plug-in's, or holds other files too.
     OutputError
         When the folder cannot be written.
     """
@@ -200,7 +202,7 @@ def install_into(profile: Profile, python: Path, without: Sequence[str] = ()) ->
         (fresh / _RECORD).write_text(json.dumps(record), encoding="utf-8")
         main = fresh / f"{PLUG_IN}.py"
         main.chmod(0o755)
-        main.touch()  # GIMP asks a plug-in for its procedures only when this file is newer
+        main.touch()  # GIMP queries a plug-in's procedures again only when this file is newer
         if target.exists():
             target.rename(old)
         fresh.rename(target)
@@ -218,12 +220,12 @@ def install_into(profile: Profile, python: Path, without: Sequence[str] = ()) ->
 
 
 def uninstall_from(profile: Profile) -> Path | None:
-    """Remove the plug-in from a profile; where it was, None if it was not there.
+    """Remove the plug-in from a profile; return its folder, or None if it was not installed.
 
     Raises
     ------
     OptionError
-        When what is there is not the plug-in, or holds other files too.
+        When the folder is not the plug-in's, or holds other files too.
     OutputError
         When it cannot be removed.
     """

@@ -1,4 +1,4 @@
-"""The GIMPs on this machine, and the profile each reads."""
+"""The installed programs of GIMP, and the profile that each reads."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from pathlib import Path
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Program:
-    """A GIMP."""
+    """An installed GIMP."""
 
     #: "3.0"
     version: str
-    #: The program that can be asked without a window; None where only its sandbox is known.
+    #: The program that runs without a window; None where only its sandbox is known.
     console: str | None
-    #: As in :class:`toposeam_cli.gimp.folders.Profile`: "GIMP" or "Flatpak".
+    #: Kind of installation as in :class:`toposeam_cli.gimp.folders.Profile`: "GIMP" or "Flatpak".
     kind: str = "GIMP"
 
     @property
     def is_3(self) -> bool:
-        """True if TopoSeam works there."""
+        """True if it is a GIMP 3, for which the plug-in is made."""
         return self.version.startswith("3.")
 
 
 def programs() -> list[Program]:
-    """Return every GIMP that is found, the newest first; of each version the first on PATH."""
+    """Return the installed GIMPs, the newest first; of each version the first on PATH."""
     found: dict[str, Program] = {}
     for folder in _folders():
         for file in sorted(folder.glob("gimp*")):
@@ -61,9 +61,9 @@ def _flatpaks() -> Iterator[Program]:
     flatpak = shutil.which("flatpak")
     if flatpak is None:
         return
-    told = subprocess.run(  # noqa: S603 - the system's own
+    answer = subprocess.run(  # noqa: S603 - the system's own
         [flatpak, "info", "org.gimp.GIMP"], capture_output=True, text=True, check=False
     )
-    match = re.search(r"Version:\s*(\d+\.\d+)", told.stdout)
-    if told.returncode == 0 and match is not None:
+    match = re.search(r"Version:\s*(\d+\.\d+)", answer.stdout)
+    if answer.returncode == 0 and match is not None:
         yield Program(version=match[1], console=None, kind="Flatpak")

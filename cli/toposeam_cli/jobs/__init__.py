@@ -1,1 +1,3 @@
-"""Many jobs on worker processes or on Dask, with a table of results to go on from. No click in here."""
+"""Many jobs on worker processes or on Dask, with a table of results from which a run goes on. No click in
+here.
+"""

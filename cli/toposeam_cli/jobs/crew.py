@@ -1,7 +1,7 @@
-"""Independent parts of one piece of work, on processes of this machine or on Dask.
+"""Workers for the independent parts of one computation: processes of this machine, or a Dask cluster.
 
-:class:`TaskCrew` is what :mod:`toposeam.layers.execution.tasks` calls an executor. Workers start when there
-is something for them to do; what one that died had begun is done again.
+:class:`TaskCrew` is an executor of :mod:`toposeam.layers.execution.tasks`. Workers start with the first item.
+Items that a worker had begun when it died are done again.
 """
 
 from __future__ import annotations
@@ -16,31 +16,33 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from toposeam.errors import TopoSeamError
 from toposeam.sentence import sentence
-from toposeam_cli.files.scratch import Scratch
-from toposeam_cli.jobs.dask_workers import DaskWorkers, WorkerCheck, dask_workers
-from toposeam_cli.jobs.handing import Handing
-from toposeam_cli.jobs.workers import Workers, worker_processes
+
+if TYPE_CHECKING:
+    from toposeam_cli.files.scratch import Scratch
+    from toposeam_cli.jobs.array_files import ArrayFiles
+    from toposeam_cli.jobs.workers import Workers
 
 _LOGGER = logging.getLogger(__name__)
 
-#: A function and an item, pickled, and the folder of arrays that they and the result say the place of.
+#: A function and an item, pickled, and the folder with the files of their arrays and of the result's.
 Call = tuple[bytes, Path | None]
 
-#: Arguments of glibc's ``mallopt``: blocks of up to this many bytes come from heaps (M_MMAP_THRESHOLD, -3),
-#: which keep this many that are free at their end, the main one (M_TRIM_THRESHOLD, -1) and those of threads
-#: (M_TOP_PAD, -2).
+#: Arguments of glibc's ``mallopt``, bytes: the largest block taken from a heap (M_MMAP_THRESHOLD, -3), and
+#: the free memory kept at the end of the main heap (M_TRIM_THRESHOLD, -1) and of those of threads (M_TOP_PAD,
+#: -2).
 _HEAPS = {-3: 1 << 25, -1: 1 << 28, -2: 1 << 26}
 
 #: Interval at which a waiting call looks for signals, s.
 _LOOK_EVERY_S = 1.0
-#: Results that may wait for earlier ones, and items that may be made ready, per worker.
+#: Items per worker that may be handed out ahead of the result that is returned next. More would keep more
+#: results in memory.
 _AHEAD = 4
-#: Items that wait for each worker, so that it need not wait for us; on Dask all but one wait with the
-#: scheduler, which gives each to the first free one.
+#: Items queued per worker besides the one in work, so that it never waits for us. On Dask more are queued:
+#: all but one wait at the scheduler, which gives each to the first free worker.
 _WAITING, _WAITING_ON_DASK = 1, 3
 
 
@@ -49,8 +51,8 @@ class WorkersDiedError(TopoSeamError, RuntimeError):
 
 
 def processes_of(wanted: int | None) -> int:
-    """Return the number of processes: `wanted`, else one for each core this process may use; in a worker only
-    one, since its like are at work beside it.
+    """Return the number of processes: `wanted`, else one for each core that this process may use. In a worker
+    that is one, as the other workers use the other cores.
     """
     if wanted is not None:
         return wanted
@@ -60,49 +62,58 @@ def processes_of(wanted: int | None) -> int:
 
 
 class TaskCrew:
-    """Workers for the time of a block (:func:`crew`)."""
+    """Workers that run for the time of a block (:func:`crew`)."""
 
     def __init__(self, processes: int, dask: str | None, block: ExitStack, store: Scratch | None) -> None:
         self._processes, self._dask, self._block, self._store = processes, dask, block, store
         self._workers: Workers | None = None
-        self._handing = Handing(None)
-        #: Parts that were handed out, and the bytes that went there and came back.
+        self._arrays: ArrayFiles
+        #: Items handed out, and the bytes sent to workers and received from them.
         self.parts = self.sent = self.received = 0
-        #: The same by what was done.
+        #: The same by the name of the function.
         self.kinds: dict[str, Counter[str]] = {}
 
     def start(self) -> Workers:
-        """Return the workers, started when they are needed first.
+        """Return the workers; the first call starts them.
 
         Raises
         ------
         OptionError, MissingPackageError
-            As :func:`toposeam_cli.jobs.dask_workers.dask_workers` has them.
+            As :func:`toposeam_cli.jobs.dask_workers.dask_workers` raises them.
         """
         if self._workers is None:
-            made = (
-                worker_processes(self._processes, _WAITING)
-                if self._dask is None
-                else dask_workers(self._dask, self._processes, _WAITING_ON_DASK)
-            )
-            self._workers = self._block.enter_context(made)
-            if self._store is not None:
-                self._handing = Handing(self._store.folder())
+            from toposeam_cli.jobs.array_files import ArrayFiles
+
+            self._workers = self._block.enter_context(self._new_workers())
+            self._arrays = ArrayFiles(None if self._store is None else self._store.folder())
         return self._workers
 
+    def _new_workers(self) -> AbstractContextManager[Workers]:
+        if self._dask is None:
+            from toposeam_cli.jobs.workers import worker_processes
+
+            return worker_processes(self._processes, _WAITING)
+        from toposeam_cli.jobs.dask_workers import dask_workers
+
+        return dask_workers(self._dask, self._processes, _WAITING_ON_DASK)
+
     def check(self, probe: Path, files: Iterable[Path]) -> None:
-        """Refuse workers on other machines that do not see some files; `probe` is overwritten.
+        """Refuse workers on other machines that do not see these files; `probe` is overwritten.
 
         Raises
         ------
         OptionError
         """
         workers = self.start()
-        if isinstance(workers, DaskWorkers):
-            workers.check(WorkerCheck.at(probe, files))
+        if self._dask is not None:
+            from toposeam_cli.jobs.dask_workers import DaskWorkers, WorkerCheck
+
+            if isinstance(workers, DaskWorkers):
+                workers.check(WorkerCheck.at(probe, files))
 
     def map(self, function: Callable[[Any], Any], items: Iterable[Any], /) -> Iterator[Any]:
-        """Yield the results of a function of each item, in their order; raise here what one raises.
+        """Yield the results of a function of each item, in the order of the items. An error of a worker is
+        raised here.
 
         Workers begin at once: the caller may work before it asks for results.
 
@@ -112,41 +123,42 @@ class TaskCrew:
             When workers die of an item.
         """
         waiting, ahead = enumerate(items), _AHEAD * self.start().count
-        said: dict[int, bytes] = {}
-        begun = told = 0
+        arrived: dict[int, bytes] = {}
+        begun = yielded = 0
 
         def ready() -> tuple[int, Any] | None:
             nonlocal begun
-            found = next(waiting, None) if begun - told < ahead else None
+            found = next(waiting, None) if begun - yielded < ahead else None
             begun += found is not None
             return found
 
         def values() -> Iterator[Any]:
-            nonlocal told
+            nonlocal yielded
             for number, answer in answers:
-                said[number] = answer
-                while told in said:
-                    value = self._value(said.pop(told))
-                    told += 1
+                arrived[number] = answer
+                while yielded in arrived:
+                    value = self._value(arrived.pop(yielded))
+                    yielded += 1
                     yield value
 
-        answers = self._said(function, ready)
+        answers = self._answered(function, ready)
         return values()
 
     def stream(
         self, function: Callable[[Any], Any], ready: Callable[[], tuple[int, Any] | None], /
     ) -> Iterator[tuple[int, Any]]:
-        """Yield results as they come, as :class:`toposeam.layers.execution.tasks.Streaming` has them.
+        """Yield results in the order in which they are done, with their numbers, as
+        :class:`toposeam.layers.execution.tasks.Streaming` demands.
 
         Raises
         ------
         WorkersDiedError
             When workers die of an item.
         """
-        for number, answer in self._said(function, ready):
+        for number, answer in self._answered(function, ready):
             yield number, self._value(answer)
 
-    def _said(
+    def _answered(
         self, function: Callable[[Any], Any], ready: Callable[[], tuple[int, Any] | None]
     ) -> Iterator[tuple[int, bytes]]:
         """Yield the numbered results of items from workers, which begin at once."""
@@ -164,8 +176,8 @@ class TaskCrew:
                     if found is None:
                         break
                     number, item = found
-                    with self._failures_told():
-                        calls[number] = self._handing.pickled((function, item)), self._handing.folder
+                    with self._failures_reported():
+                        calls[number] = self._arrays.pickled((function, item)), self._arrays.folder
                     self.parts, self.sent = self.parts + 1, self.sent + len(calls[number][0])
                     kind.update(parts=1, sent=len(calls[number][0]))
                 workers.begin(str(number), calls[number], done)
@@ -181,13 +193,13 @@ class TaskCrew:
         again: list[int],
         begin: Callable[[], None],
     ) -> Iterator[tuple[int, bytes]]:
-        """Yield the results of calls from workers, until there are none and no others begin."""
-        said: list[tuple[int, bytes]] = []
+        """Yield the results of calls until none is left and `begin` begins no others."""
+        arrived: list[tuple[int, bytes]] = []
         deaths: Counter[int] = Counter()
         while True:
             begin()
-            if said:
-                yield said.pop(0)
+            if arrived:
+                yield arrived.pop(0)
                 continue
             if not calls:
                 return
@@ -195,7 +207,7 @@ class TaskCrew:
                 number = int(name)
                 if answer is not None:
                     del calls[number]
-                    said.append((number, answer))
+                    arrived.append((number, answer))
                     self.received += len(answer)
                     kind.update(received=len(answer))
                     continue
@@ -207,32 +219,34 @@ class TaskCrew:
                     )
                 again.append(number)
 
-    def _value(self, said: bytes) -> Any:
-        with self._failures_told():
-            succeeded, value = pickle.loads(said)  # noqa: S301 - from a worker of ours
+    def _value(self, answer: bytes) -> Any:
+        with self._failures_reported():
+            succeeded, value = pickle.loads(answer)  # noqa: S301 - from a worker of ours
             if not succeeded:
                 raise value
             return value
 
-    def _failures_told(self) -> AbstractContextManager[None]:
+    def _failures_reported(self) -> AbstractContextManager[None]:
         return nullcontext() if self._store is None else self._store.failures_told()
 
 
 def done(call: Call) -> bytes:
-    """Run in a worker: return what a function of an item gives, or what it raises."""
+    """Run a call in a worker; return its result or its error, pickled."""
+    from toposeam_cli.jobs.array_files import ArrayFiles
+
     _keep_memory()
     pickled, folder = call
     try:
         function, item = pickle.loads(pickled)  # noqa: S301 - from the process that started this worker
-        return Handing(folder).pickled((True, function(item)))
+        return ArrayFiles(folder).pickled((True, function(item)))
     except Exception as error:
         return pickle.dumps((False, _portable(error)), pickle.HIGHEST_PROTOCOL)
 
 
 @functools.cache
 def _keep_memory() -> None:
-    """Let the C library keep what is free again: glibc returns large blocks at once, and what a worker gives
-    back after each array it takes anew for the next one, page by page, which costs a twentieth of its time.
+    """Let the C library keep freed memory. By default glibc returns large blocks to the system at once, and a
+    worker takes them again for the next array, page by page, which costs a twentieth of its time.
     """
     with suppress(OSError, AttributeError, TypeError):  # other libraries, other systems
         library = ctypes.CDLL(None)
@@ -251,8 +265,8 @@ def _portable(error: Exception) -> Exception:
 
 @contextmanager
 def crew(processes: int, dask: str | None = None, store: Scratch | None = None) -> Iterator[TaskCrew | None]:
-    """Start processes, or the workers of a Dask cluster, which end with the block; None where this process
-    does everything itself.
+    """Yield workers that end with the block, processes or those of a Dask cluster; None where this process
+    does all work itself.
 
     Parameters
     ----------
@@ -260,7 +274,7 @@ def crew(processes: int, dask: str | None = None, store: Scratch | None = None) 
     dask : str, optional
         As for :func:`toposeam_cli.jobs.dask_workers.dask_workers`.
     store : Scratch, optional
-        Where large arrays lie that several look things up in; else they go through the scheduler.
+        Where arrays are written that several workers read; without it they go through the scheduler.
     """
     if processes == 1 and dask is None:
         yield None

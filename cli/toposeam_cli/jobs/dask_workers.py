@@ -21,28 +21,30 @@ from toposeam_cli.files.interruption import ctrl_c_later, uninterrupted
 from toposeam_cli.files.temporary import private_folder
 from toposeam_cli.jobs.workers import Workers
 
-#: Of a local cluster: no pages, of which Dask's own switch leaves some, no profile of the
-#: workers a hundred times a second, and no check of their loops fifty times: these take 3 % of them.
+#: Settings of a local cluster: no pages, some of which Dask's own switch leaves; no profile of workers a
+#: hundred times a second, and a check of their loops once a second instead of fifty times. These take 3 % of
+#: the workers' time.
 _UNWATCHED: dict[str, Any] = {
     "distributed.scheduler.http.routes": [],
     "distributed.worker.http.routes": [],
     "distributed.worker.profile.enabled": False,
     "distributed.admin.tick.interval": "1s",
 }
-#: The environment of the processes of a local cluster.
+#: Name of the setting that holds the environment of a local cluster's processes.
 _SPAWNED = "distributed.nanny.pre-spawn-environ"
-#: When workers are asked again of which one was gone before it answered, s.
+#: Delay before workers are asked again after one of them died meanwhile, s.
 _AGAIN_S = 0.5
-#: How long a scheduler has to answer, s.
+#: Time in which a scheduler must answer, s.
 _ANSWER_S = 10
-#: How long the end of a local cluster, or of a client's loop, is waited for, s.
+#: Longest wait for the end of a local cluster, or of a client's loop, s.
 _CLOSING_S = 10
 
 
 class DaskWorkers(Workers):
     """The workers of a Dask cluster, through its executor."""
 
-    attempts = 4  # a worker that dies takes what waits for it along, so that the innocent are tried again too
+    #: More than for processes: a worker that dies loses its queue too, so that harmless tasks count as tried.
+    attempts = 4
 
     def __init__(self, client: Any, count: int, waiting: int = 0) -> None:
         super().__init__(count)
@@ -51,7 +53,7 @@ class DaskWorkers(Workers):
 
     @property
     def is_free(self) -> bool:
-        """True if a worker has nothing to do, or nothing that waits for it."""
+        """True if a worker has room for another task."""
         return len(self._running) < self._most
 
     def _take(self) -> Executor:
@@ -71,7 +73,7 @@ class DaskWorkers(Workers):
         for _ in range(self.attempts):
             try:
                 answers = self._client.run(look, on_error="return")
-            except Exception as error:  # whatever cannot be sent there, or comes from there
+            except Exception as error:  # from sending the check, or from the workers
                 raise OptionError(
                     f"the Dask workers cannot run TopoSeam ({_first_line(error)}); {remedy}"
                 ) from error
@@ -89,23 +91,23 @@ class DaskWorkers(Workers):
 
 @dataclass(frozen=True, slots=True)
 class WorkerCheck:
-    """Check of a worker before there is work: whether it has our versions, and sees our files."""
+    """A check that a worker has our versions and sees our files, run before there is work."""
 
     versions: Mapping[str, str]
-    #: Files, and how many bytes each has; the first one holds `secret`.
+    #: Size of each file in bytes; the first file holds `secret`.
     files: Mapping[str, int]
     secret: str
 
     @classmethod
     def at(cls, probe: Path, files: Iterable[Path]) -> WorkerCheck:
-        """Make a check of some files, and of one that is made for it."""
+        """Make a check of files, and of the file `probe`, which this writes."""
         secret = uuid.uuid4().hex
         probe.write_text(secret)
         sizes = {str(path.absolute()): path.stat().st_size for path in (probe, *files)}
         return cls(versions(), sizes, secret)
 
     def __call__(self) -> str:
-        """Run in a worker: return what is wrong, or nothing."""
+        """Run the check in a worker; return what is wrong, or an empty text."""
         for name, theirs in versions().items():
             if theirs != self.versions[name]:
                 return (
@@ -127,7 +129,7 @@ class WorkerCheck:
 
 
 def versions() -> dict[str, str]:
-    """Return the versions that decide about the last bit."""
+    """Return the versions on which the last bits of results depend."""
     from importlib.metadata import version
 
     found = {name: version(name) for name in ("toposeam", "numpy", "scipy")}
@@ -136,8 +138,8 @@ def versions() -> dict[str, str]:
 
 @contextmanager
 def dask_workers(address: str, count: int, waiting: int = 0) -> Iterator[Workers]:
-    """Connect to the Dask cluster at an address, or at ``local`` make one for the block, private and with
-    `count` processes. This many jobs may be `waiting` for each of them.
+    """Connect to the Dask cluster at an address; for ``local`` make a private one of `count` processes for
+    the block. Up to `waiting` further jobs are queued per worker.
 
     Raises
     ------
@@ -153,14 +155,14 @@ def dask_workers(address: str, count: int, waiting: int = 0) -> Iterator[Workers
         raise MissingPackageError(
             "running on Dask needs distributed; install it with: pip install distributed cryptography"
         ) from error
-    # A worker's death is ours to answer: only we know which files it may have left.
-    # Dask has its workers give memory back at every chance and take it anew, which costs more than the work.
+    # We, not Dask, repeat the job of a worker that died: only we know which files it may have left. Dask has
+    # its workers give memory back at every chance and take it anew, which costs more than the work.
     spawned = {name: value for name, value in dask.config.get(_SPAWNED).items() if "MALLOC" not in name}
     settings = {"distributed.scheduler.allowed-failures": 0, _SPAWNED: spawned, **_UNWATCHED}
     with ExitStack() as opened:
         if address == "local":
-            # Workers read back what they spill, and import from there: by default from a folder in /tmp that
-            # anyone may have made before us, and that stays.
+            # Workers read spilled data back from there, and import from there. The default is a folder in
+            # /tmp that anyone may have made before us, and that stays.
             folder = opened.enter_context(private_folder())
             settings["temporary-directory"] = str(folder)
         opened.enter_context(dask.config.set(settings))
@@ -186,7 +188,7 @@ def dask_workers(address: str, count: int, waiting: int = 0) -> Iterator[Workers
 
 @contextmanager
 def _client_of(cluster: Any, address: str) -> Iterator[Any]:
-    """Open a client of a cluster of ours, or of the scheduler at an address."""
+    """Open a client of our own cluster, or of the scheduler at an address."""
     from distributed import Client
 
     with _running_loop() if cluster is None else nullcontext() as loop:  # a cluster has one
@@ -207,7 +209,7 @@ def _client_of(cluster: Any, address: str) -> Iterator[Any]:
 
 @contextmanager
 def _running_loop() -> Iterator[Any]:
-    """Run an event loop for a client in a thread that ends with the block: one that Dask makes goes on
+    """Run an event loop for a client in a thread that ends with the block, where Dask's own goes on
     afterwards.
     """
     from tornado.ioloop import IOLoop
@@ -230,8 +232,8 @@ def _running_loop() -> Iterator[Any]:
 
 
 def _local_cluster(count: int, folder: Path) -> Any:
-    """Make a Dask cluster of processes that speak TLS with a key and a certificate made on the spot: without
-    these, anyone who can connect to this machine's ports could run programs as this user.
+    """Start a Dask cluster of processes that use TLS with a new key and certificate. Without these, anyone
+    who can connect to this machine's ports could run programs as this user.
     """
     from distributed import LocalCluster
 
@@ -249,8 +251,8 @@ def _local_cluster(count: int, folder: Path) -> Any:
                 scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
                 silence_logs=logging.CRITICAL,
             )
-            cluster.shutdown_on_close = False  # we close it; at exit Dask would tell what fails then
-    except Exception as error:  # whatever Dask raises when its processes end while they start
+            cluster.shutdown_on_close = False  # we close it; at exit Dask would print what fails then
+    except Exception as error:  # Dask raises various errors when its processes end while they start
         raise OptionError(
             f"the local Dask cluster does not start ({_first_line(error)}); run the same again, or without "
             "--dask"
@@ -264,8 +266,8 @@ def _local_cluster(count: int, folder: Path) -> Any:
 def _security(folder: Path) -> Any:
     """Make a key and a certificate for TLS, as files in a private folder.
 
-    Each process that is given them as texts writes them to a temporary folder of its own for a moment, and
-    leaves that when it is killed in it.
+    Given as texts instead, each process would write them to a temporary folder of its own for a moment, and
+    would leave that folder if it were killed then.
     """
     from distributed.security import Security
 
@@ -300,8 +302,8 @@ def _is_critical(record: logging.LogRecord) -> bool:
 
 
 def _silence() -> None:
-    """Keep Dask from telling of connections that end with us: it does so with tracebacks, and also after the
-    cluster is closed, which ends its own silence.
+    """Suppress Dask's messages about closed connections. It prints them with tracebacks, even after the
+    cluster is closed, when its own setting for silence has ended.
     """
     for handler in logging.getLogger("distributed").handlers:
         handler.addFilter(_is_critical)

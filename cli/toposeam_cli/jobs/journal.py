@@ -1,4 +1,4 @@
-"""The table of a batch's results, JSON lines, from which an interrupted run goes on."""
+"""The journal of a batch: a table of results in JSON lines, from which an interrupted run goes on."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from toposeam_cli.files.writing import OutputError, check_output, replacing
 
 Row = dict[str, Any]
 
-#: What a row can say of its job.
+#: Values of a row's ``status``.
 STATUSES = ("started", "done", "failed")
-#: Longer tables are refused: a hundred thousand jobs have 100 MB.
+#: Largest table that is read, bytes; that of a hundred thousand jobs has 100 MB.
 _LARGEST_BYTES = 2**30
 
 
@@ -28,8 +28,8 @@ class Journal:
     """A table that grows by one line as soon as a job starts or ends; while it is open, no other run may use
     it.
 
-    Every line is a JSON object with ``name`` and ``status``; the last one of a name holds. A last line that
-    was torn by the end of the machine is dropped.
+    Every line is a JSON object with ``name`` and ``status``; of several of one name the last counts. An
+    incomplete last line, left by a crash of the machine, is dropped.
     """
 
     def __init__(self, path: Path) -> None:
@@ -117,7 +117,7 @@ def _line(row: Mapping[str, Any]) -> bytes:
 
 
 def _row(line: bytes) -> Row | None:
-    """Return the row in a line; None if that is none, or its values are of other kinds than ours."""
+    """Return the row in a line; None if it is not a valid row."""
     try:
         row = json.loads(line)
     except (ValueError, RecursionError):

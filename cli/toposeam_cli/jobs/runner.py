@@ -1,5 +1,5 @@
 """Many jobs on several processes: none is lost, none stops the others, and an interrupted run goes on where
-it was.
+it ended.
 
 A job names a function of a module that workers can import, its arguments as JSON knows them, and the files it
 reads and makes::
@@ -34,7 +34,7 @@ from toposeam_cli.jobs.dask_workers import dask_workers
 from toposeam_cli.jobs.journal import Journal, Row
 from toposeam_cli.jobs.workers import Answer, Task, worker_processes
 
-#: How often progress is reported while nothing ends, s.
+#: Interval between reports of progress while no job ends, s.
 _REPORT_EVERY_S = 1.0
 
 Status = Literal["done", "failed", "skipped"]
@@ -44,23 +44,22 @@ Status = Literal["done", "failed", "skipped"]
 class Job:
     """A piece of work."""
 
-    #: Unlike that of every other job in the run.
+    #: Unique in the run.
     name: str
-    #: ``module:callable``, importable in a worker. What it returns has to be what JSON can hold.
+    #: ``module:callable``, importable in a worker. It returns a value that JSON can hold.
     function: str
-    #: Keyword arguments, of what JSON can hold; paths as texts.
+    #: Keyword arguments, values that JSON can hold; paths as texts.
     arguments: Mapping[str, Any]
     #: Every file it makes.
     outputs: tuple[Path, ...] = ()
     #: Files it reads: when one of them has changed, the job is done again.
     inputs: tuple[Path, ...] = ()
-    #: Further arguments that change nothing in what is made, such as whether files may be replaced: they do
-    #: not count for the digest.
+    #: Further arguments that do not change the outputs, such as whether files may be replaced. They are left
+    #: out of the digest.
     manner: Mapping[str, Any] = field(default_factory=dict)
-    #: Whether outputs that a former run made, as the journal tells by their digests, may be replaced
-    #: without force.
+    #: Whether outputs of a former run, known by their digests in the journal, may be replaced without force.
     remakes: bool = False
-    #: How much work it is compared with the other jobs, for the estimate of time.
+    #: Work relative to the other jobs, for the estimate of time.
     weight: float = 1.0
 
     @property
@@ -79,13 +78,13 @@ class Outcome:
     """Outcome of a job."""
 
     job: Job
-    #: "skipped" if an earlier run, of which the journal tells, did it.
+    #: "skipped" if the journal shows that an earlier run did it.
     status: Status
-    #: How long it ran; that of the earlier run if skipped.
+    #: Duration, s; that of the earlier run if skipped.
     seconds: float
     #: Why it failed, one sentence; else "".
     message: str = ""
-    #: What the function returned.
+    #: The value that the function returned.
     result: Any = None
 
 
@@ -117,13 +116,13 @@ def run(
     - A job that fails leaves no new file and stops no other job. When a worker process dies (killed, out of
       memory), the job it had is tried once more in a new process (on Dask up to three times more), then
       counts as failed.
-    - With a journal, a job that a former run has done is skipped if neither its function, its arguments nor
-      its inputs have changed and all its outputs exist. What the end of a former run cut short is done again.
-    - No file that has its final name is ever removed. What was cut short has names only we use; where it had
-      got the outputs' names, but not the row of the journal, the second try finds them there, byte for byte,
-      and anything else is somebody's own.
-    - What a job makes does not depend on the number of processes: every worker's libraries use one thread.
-    - Leaving the iterator early, as Ctrl-C does, ends the workers; the journal is complete at any moment.
+    - With a journal, a job that a former run has done is skipped if its function, its arguments and its
+    inputs are unchanged and all its outputs exist. A job that was interrupted is done again. - No file that
+    has its final name is ever removed. Unfinished files have names that only we use. If a run ended after
+    outputs got their names but before the journal had their row, the second try accepts outputs that are
+    equal byte for byte; any other file belongs to the user. - Outputs do not depend on the number of
+    processes: every worker's libraries use one thread. - Leaving the iterator early, as Ctrl-C does, ends the
+    workers; the journal is complete at any moment.
 
     Call it under ``if __name__ == "__main__"`` in a script: workers import the script they were started from.
 
@@ -139,14 +138,14 @@ def run(
         File of JSON lines, one row a job: name, status, seconds, message, result, outputs and the digest. In
         the order of `jobs` when all have ended.
     resume : bool
-        False does every job again.
+        Whether to skip jobs that are done; False does every job again.
     progress : callable, optional
         Called after each job, and every second.
 
     Yields
     ------
     Outcome
-        First the skipped ones, then as they end.
+        First the skipped jobs, then the others in the order in which they end.
 
     Raises
     ------
@@ -306,7 +305,7 @@ def _ended(outcome: Outcome, started: Row, answer: Answer | None) -> Row:
 
 
 def _tidy(*jobs: Job) -> None:
-    """Remove what workers that are gone left unfinished in the folders of jobs."""
+    """Remove unfinished files that dead workers left in the folders of the jobs' outputs."""
     for folder in {real_path(path).parent for job in jobs for path in job.outputs}:
         remove_stale(folder)
 
@@ -343,7 +342,7 @@ class _Tally:
         self._begun.pop(outcome.job.name, None)
         self._finished += 1
         self._failed += outcome.status == "failed"
-        if outcome.status == "done":  # the others take no time
+        if outcome.status == "done":  # skipped and failed jobs do not count for the pace
             self._seconds += outcome.seconds
             self._weight += outcome.job.weight
 

@@ -1,4 +1,4 @@
-"""Worker processes on this machine, as :mod:`concurrent.futures` knows them."""
+"""Worker processes on this machine, by executors of :mod:`concurrent.futures`."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ from toposeam_cli.files.interruption import (
 )
 from toposeam_cli.files.temporary import remove_unfinished
 
-#: How long a worker that must end may take to leave a call into compiled code, s.
+#: Time that a worker has to leave a call into compiled code before it is ended by force, s.
 _PATIENCE_S = 5.0
-#: The work is parallel already: each worker keeps its libraries to one thread.
+#: Variables that limit the libraries of a worker to one thread, as the workers are parallel already.
 _ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VIPS_CONCURRENCY")
 
 
@@ -38,7 +38,7 @@ class Task:
     #: ``module:callable``, and its keyword arguments.
     function: str
     arguments: Mapping[str, Any]
-    #: As :func:`toposeam_cli.files.writing.all_or_nothing` has them.
+    #: Passed to :func:`toposeam_cli.files.writing.all_or_nothing`, as is `resumed`.
     own: Mapping[str, str] = field(default_factory=dict)
     resumed: bool = False
 
@@ -51,20 +51,21 @@ class Answer:
     seconds: float
     #: Why it failed, one sentence.
     message: str = ""
-    #: The value of the function as JSON: what cannot be written down is found out in the worker.
+    #: The function's value as JSON. The worker converts it, so that a value that JSON cannot hold fails
+    #: there.
     result: str = "null"
     #: The SHA-256 of every file it made, by its real path.
     made: Mapping[str, str] = field(default_factory=dict)
 
 
 class Workers(ABC):
-    """Some workers, each with one job at a time."""
+    """Workers that do one job at a time each."""
 
-    #: How often a job is begun whose worker dies.
+    #: Most times that a job is begun if its worker dies.
     attempts = 2
 
     def __init__(self, count: int) -> None:
-        #: How many there are.
+        #: Number of workers.
         self.count = count
         self._running: dict[Future[Any], tuple[str, Executor]] = {}
 
@@ -74,7 +75,7 @@ class Workers(ABC):
         """True if another job can begin."""
 
     def begin(self, name: str, task: Any, does: Callable[[Any], Any] | None = None) -> None:
-        """Give a free worker a job: a :class:`Task`, or what another function `does`."""
+        """Give a free worker a job: a :class:`Task`, or the argument of another function, `does`."""
         does = answer if does is None else does
         executor = self._take()
         try:
@@ -86,8 +87,8 @@ class Workers(ABC):
         self._running[future] = name, executor
 
     def ended(self, timeout_s: float) -> list[tuple[str, Any]]:
-        """Wait for jobs to end: their names, and what became of them (an :class:`Answer`, of a task), None
-        where the worker died.
+        """Wait for jobs to end; return their names and results (of a task an :class:`Answer`), None where the
+        worker died.
         """
         done, _ = wait(self._running, timeout_s, FIRST_COMPLETED)
         answers: list[tuple[str, Any]] = []
@@ -121,7 +122,7 @@ def answer(task: Task) -> Answer:
         ):
             result = json.dumps(getattr(import_module(module), name)(**task.arguments))
     except Terminated as end:
-        remove_unfinished()  # whatever block the signal kept from its end
+        remove_unfinished()  # also of blocks whose clean-up the signal skipped
         os._exit(int(end.code or 0))  # the executor would take it for the failure of the job
     except Exception as error:
         return Answer(False, time.perf_counter() - start, sentence(error))
@@ -129,7 +130,7 @@ def answer(task: Task) -> Answer:
 
 
 class _Processes(Workers):
-    """Worker processes, each an executor of its own: when one dies, only its jobs are concerned, and another
+    """Worker processes, each with an executor of its own: when one dies, only its jobs are lost, and another
     takes its place.
 
     They are spawned, as libvips does not survive a fork. All hold one end of a pipe that is never
@@ -139,21 +140,21 @@ class _Processes(Workers):
     def __init__(self, count: int, waiting: int = 0) -> None:
         super().__init__(count)
         if waiting:
-            self.attempts = 4  # who dies takes what waits for it along
+            self.attempts = 4  # a worker that dies loses all jobs queued for it
         start_resource_tracker()
         self._context = multiprocessing.get_context("spawn")
         self._ending, self._alive = self._context.Pipe(duplex=False)
         self._most = 1 + waiting
-        #: How many jobs each has, the one it does included.
+        #: Number of jobs that each has, the one in work included.
         self._load: dict[Executor, int] = {self._start(): 0 for _ in range(count)}
 
     @property
     def is_free(self) -> bool:
-        """True if a worker has nothing to do, or nothing that waits for it."""
+        """True if a worker has room for another job."""
         return min(self._load.values()) < self._most
 
     def end(self, now: bool) -> None:
-        """End the workers, `now` or when they have done what they were given."""
+        """End the workers, `now` or when their jobs are done."""
         if now:
             self._alive.close()
         for executor in self._load:
@@ -182,8 +183,8 @@ class _Processes(Workers):
 
 
 def _prepare(ending: Connection) -> None:
-    """Make ready a worker process. But for its jobs it has nothing to tidy, and a signal ends it at once: of
-    an exception in here the executor would tell with a traceback.
+    """Initialize a worker process. Outside of its jobs a signal ends it at once, as it has nothing to tidy;
+    the executor would print an exception in here with a traceback.
     """
     for name in _ONE_THREAD:
         os.environ[name] = "1"  # before the numerics are loaded
@@ -201,8 +202,8 @@ def _end_with(ending: Connection) -> None:
 
 @contextmanager
 def worker_processes(count: int, waiting: int = 0) -> Iterator[Workers]:
-    """Start workers on this machine, for each of which `waiting` jobs may wait; they end with the block, at
-    once if it is left by an exception.
+    """Start workers on this machine, each with up to `waiting` queued jobs. They end with the block, at once
+    if an exception leaves it.
     """
     workers = _Processes(count, waiting)
     try:

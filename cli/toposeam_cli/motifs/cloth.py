@@ -1,8 +1,8 @@
 """A pattern on cloth: laid over folds, which shift and shade it.
 
-The height of the cloth, in mm, is that of the drawn folds, of the cloth's own fine unrest, and of edges that
-round off. Where it slopes, less of the pattern is seen from above, so the pattern is shifted down the slope;
-light from the upper left shades what faces away from it (Lambert), and a weave glitters a little.
+The height of the cloth, in mm, is the sum of drawn folds, fine waves of the cloth itself, and rounded edges.
+Where it slopes, less of the pattern is seen from above, so the pattern is shifted down the slope. Light from
+the upper left shades surfaces that face away from it (Lambert), and a weave glitters a little.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ Floats = np.ndarray
 
 #: Height of a fold drawn in full white, mm per 1000 mm of the product's width.
 _FOLD = 26.0
-#: Height of the cloth's own unrest, likewise.
+#: Height of the cloth's own waves, mm per 1000 mm of the product's width.
 _UNREST = 3.0
-#: How far a slope of 1 shifts the pattern, mm likewise, beside what the height does.
+#: Shift of the pattern by a slope of 1, mm per 1000 mm of the product's width, besides that by the height.
 _SHIFT = 3.0
-#: The light: from the left, from above, towards the eye.
+#: Direction of the light: components from the left, from above, and towards the eye.
 _LIGHT = np.array([-0.42, -0.50, 0.757])
-#: How far brightness may go below and above that of flat cloth.
+#: Least and greatest brightness, as multiples of that of flat cloth.
 _DARKEST, _BRIGHTEST = 0.42, 1.22
 
 
@@ -30,21 +30,21 @@ _DARKEST, _BRIGHTEST = 0.42, 1.22
 class Piece:
     """One piece of a product."""
 
-    #: (H, W) float in [0, 1]: where it is.
+    #: (H, W) float in [0, 1]: the area that it covers.
     mask: Floats
     #: Direction of the pattern, degrees.
     angle: float = 0.0
-    #: Height of the rounding at its edges, and how far in it goes, mm.
+    #: Height and width of the rounding at its edges, mm.
     puff: float = 0.0
     edge: float = 10.0
-    #: Brightness as a whole; how much falls off to the lower right; how the weave and a gloss show.
+    #: Brightness as a whole, its decrease to the lower right, and the strengths of the weave and of a gloss.
     shade: float = 1.0
     light: float = 0.0
     weave: float = 0.0
     gloss: float = 0.0
-    #: Depth of the shadow it throws.
+    #: Darkness of the shadow that it casts.
     shadow: float = 1.0
-    #: From the pattern's mm to the picture's, (a, b, c, d, e, f) as in SVG; lies flat then.
+    #: Transform from the pattern's mm to the picture's, (a, b, c, d, e, f) as in SVG; the piece is flat then.
     matrix: tuple[float, ...] | None = None
 
 
@@ -65,7 +65,7 @@ def lay(
     folds : (H, W) float array
         Drawn folds, -1 to 1.
     pattern : (h, w, 3) float array in [0, 1], float
-        What repeats by translation, and its px per mm.
+        The part of the pattern that repeats by translation, and its px per mm.
     px_per_mm : float
         Of the picture.
     width_mm : float
@@ -107,14 +107,14 @@ def _dressed(
     at: tuple[int, int],
     whole: tuple[int, int],
 ) -> Floats:
-    """Return the pattern as it looks on a piece, (H, W, 3) float, whatever lies outside of the mask; `at` is
-    the row and column of the whole picture where it begins.
+    """Return the pattern as it looks on a piece, (H, W, 3) float, also outside of the mask. `at` is the row
+    and column of the piece's first pixel in the whole picture.
     """
     height = _height(piece, folds, px_per_mm, width_mm)
     slope_y, slope_x = (slope * px_per_mm for slope in np.gradient(height))
     down, across = np.asarray(np.indices(folds.shape, np.float32))
     y, x = (down + at[0]) / px_per_mm, (across + at[1]) / px_per_mm
-    # What is seen from above of a slope s is 1 / √(1 + s²) of it; the rest has gone down the slope.
+    # From above one sees 1 / √(1 + s²) of the length of a slope s; the pattern moves down by the rest.
     shift = _SHIFT * width_mm / 1000 + 0.3 * np.abs(height)
     x, y = x - slope_x * shift, y - slope_y * shift
     u, v = _on_pattern(piece, x, y, (whole[1] / px_per_mm / 2, whole[0] / px_per_mm / 2))
@@ -162,7 +162,7 @@ def _on_pattern(piece: Piece, x: Floats, y: Floats, middle: tuple[float, float])
 
 
 def _unrest(shape: tuple[int, ...], width_px: float) -> Floats:
-    """Fine waves along the cloth, of deviation 1."""
+    """Return fine waves along the cloth, of standard deviation 1."""
     coarse = 8
     small = [side // coarse + 4 for side in shape]
     noise = np.random.default_rng(7).standard_normal(small)

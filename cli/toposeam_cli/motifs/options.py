@@ -1,4 +1,4 @@
-"""The options of ``toposeam motif`` that say what a motif is like, and what it begins with."""
+"""The options of ``toposeam motif`` for the properties of a motif and for the motif that it begins with."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from toposeam_cli.motifs.print_options import RepeatType
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wanted:
-    """Requested properties of a motif; None is left to its seed, or unchanged."""
+    """Requested properties of a motif; those that are None depend on its seed, or stay unchanged."""
 
     size: tuple[int, int] | None
     layers: int | None
@@ -47,7 +47,7 @@ class Wanted:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Beginning:
-    """The motif, or the parameters, to begin with, and how far to go from there."""
+    """The motif or the parameters to begin with, and the amount of variation."""
 
     config: Path | None
     like: Path | None
@@ -193,6 +193,6 @@ _BEGINNING: tuple[Callable[[Any], Any], ...] = (
     ),
 )
 
-#: Add the options that say what a motif is like (``wanted``), and what it begins with (``beginning``).
+#: Decorators that add the options for a motif's properties (``wanted``) and its beginning (``beginning``).
 recipe_options = grouped("wanted", Wanted, _RECIPE)
 beginning_options = grouped("beginning", Beginning, _BEGINNING)

@@ -25,7 +25,7 @@ from toposeam_cli.motifs.recipe_files import read_recipe
 
 
 class RepeatType(click.Choice[str]):
-    """A rule of repetition; ``drop`` and ``brick`` may have a share behind them."""
+    """A rule of repetition; ``drop`` and ``brick`` may be followed by a share."""
 
     name = "RULE"
 
@@ -39,7 +39,7 @@ class RepeatType(click.Choice[str]):
 
 
 def check_laid(path: Path, rule: str, instead: str) -> None:
-    """Refuse to lay a picture by a wallpaper group that it was not made for: its copies would be the same as
+    """Refuse to lay a picture by a wallpaper group for which it was not made: its copies would be equal to
     those of any other group.
 
     Parameters
@@ -47,7 +47,7 @@ def check_laid(path: Path, rule: str, instead: str) -> None:
     path : Path
     rule : str
     instead : str
-        What else can be done, for the error's text.
+        The remedy, for the error's text.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def check_laid(path: Path, rule: str, instead: str) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PrintOptions:
-    """Requested options of printing; None where not given."""
+    """Requested options of printing; None where one was not given."""
 
     width_mm: float | None = None
     dpi: float | None = None
@@ -76,7 +76,7 @@ class PrintOptions:
     separations: bool = False
 
     def over(self, before: Mapping[str, Any], **others: Any) -> Print:
-        """Return a way to print: how a file was printed before, with what was asked for now over it."""
+        """Return print settings: those of a file with the requested ones in their place."""
         asked = {option.name: getattr(self, option.name) for option in fields(self)} | others
         del asked["separations"]
         return Print(**(dict(before) | {name: value for name, value in asked.items() if value is not None}))
@@ -126,7 +126,7 @@ def print_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def check_print(output: Path, names: tuple[str, ...], ink: PrintOptions, force: bool) -> None:
-    """Refuse before any work what cannot be written."""
+    """Refuse outputs that cannot be written, before any work."""
     if ink.separations:
         if output.suffix.lower() == ".svg":
             raise ts.OptionError(
@@ -145,7 +145,7 @@ def write_print(
     force: bool,
     note: Mapping[str, Any] | None = None,
 ) -> str:
-    """Write a drawing, or a picture and its separations; says how large it is.
+    """Write a drawing, or a picture and its separations; return a line about its size.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ def write_print(
     ink : PrintOptions
     force : bool
     note : mapping, optional
-        What is written into the file beside what makes it again.
+        Entries of the file's settings besides its recipe.
     """
     settings = {**paper.note(), **(note or {}), **made.record}
     if output.suffix.lower() == ".svg":
@@ -183,8 +183,8 @@ def write_print(
 
 
 def renamed(recipe: ts.motif.Recipe, names: str | None, edges: str | None) -> ts.motif.Recipe:
-    """Return a recipe whose inks have other names and edges: one for all, or one for each with commas
-    between.
+    """Return a recipe whose inks have other names and edges: one for all, or one per ink, separated by
+    commas.
     """
     layers = recipe.layers
     if names is not None:

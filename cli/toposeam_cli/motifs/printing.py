@@ -23,9 +23,9 @@ from toposeam_cli.media.pictures.libvips import load_vips
 from toposeam_cli.media.pictures.picture import Picture
 from toposeam_cli.motifs.recipe_files import to_xmp
 
-#: Inks that take less than this from every channel of the paper are not seen on it.
+#: An ink that lowers every channel of the paper by less than this is invisible on it; channels are in [0, 1].
 _FAINT = 0.12
-#: What a motif can be written as.
+#: Extensions of a motif's file.
 SUFFIXES = (".png", ".tif", ".tiff", ".svg")
 #: Resolution of a motif whose width on paper is given, without --dpi.
 _DPI = 300.0
@@ -37,27 +37,27 @@ class Print:
 
     #: Rows and columns of motifs.
     counts: tuple[int, int] = (1, 1)
-    #: Width and height of the whole picture, px.
+    #: Width and height of the whole sheet, px.
     pixels: tuple[int, int] | None = None
     #: Width of one motif, mm.
     width_mm: float | None = None
     dpi: float | None = None
     #: Steps from paper to full ink in a drawing.
     levels: int = 12
-    #: Whether the paper is left out.
+    #: Whether the paper is transparent.
     transparent: bool = False
 
     @property
     def resolution(self) -> float | None:
-        """Pixels per inch, None if nothing asks for any."""
+        """Resolution of the picture, px per inch; None if unknown."""
         return _DPI if self.dpi is None and self.width_mm is not None and self.pixels is None else self.dpi
 
     def laid(self, recipe: ts.motif.Recipe) -> tuple[tuple[int, int], tuple[int, int]]:
-        """Return rows and columns of motifs that are laid, and rows and columns of px of one, which keeps its
-        shape.
+        """Return the rows and columns of motifs on the sheet, and the rows and columns of px of one motif,
+        which keeps its shape.
 
-        Where the size of the whole picture is given, as many columns as `counts` says fill its width, and
-        what is too much below is cut.
+        Where the size of the whole sheet is given, the columns of `counts` fill its width, and surplus rows
+        are cut at the bottom.
         """
         height, width = tile_size(recipe.size[0]) if recipe.repeat in HEXAGONAL else recipe.size
         if self.pixels is not None:
@@ -88,7 +88,7 @@ class Print:
 
     @staticmethod
     def read(settings: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the values in a file's settings, those that are damaged left out."""
+        """Return the print settings in a file's settings, without damaged ones."""
         found = settings.get("print")
         if not isinstance(found, dict):
             return {}
@@ -123,8 +123,8 @@ def ink_names(recipe: ts.motif.Recipe) -> tuple[str, ...]:
 
 
 def unseen_inks(recipe: ts.motif.Recipe) -> str | None:
-    """Return one sentence where inks cannot be told from the paper, on which they multiply; None where all
-    can.
+    """Return one sentence if inks are invisible on the paper, whose colour they multiply; None if all are
+    visible.
     """
     paper = np.array(recipe.paper)
     taken = [float((paper * (1 - np.array(layer.ink))).max()) for layer in recipe.layers]
@@ -144,7 +144,7 @@ def describe(made: ts.motif.Motif, counts: tuple[int, int]) -> str:
 
 
 def per_mm(dpi: float | None) -> tuple[float, float] | None:
-    """Return a resolution as pictures hold it, pixels per mm across and down."""
+    """Convert a resolution in px per inch to px per mm, across and down."""
     return None if dpi is None else (dpi / 25.4, dpi / 25.4)
 
 
@@ -153,7 +153,7 @@ def printable(
 ) -> Picture:
     """Return a picture in sRGB with its resolution and recipe.
 
-    With an `alpha`, `image` is what it looks like on white; the colours are those of the inks alone.
+    With an `alpha`, `image` is the picture on white; the result has the colours of the inks alone.
     """
     if alpha is not None:
         ink = (image - (1.0 - alpha[..., np.newaxis])) / np.maximum(alpha[..., np.newaxis], 1e-6)
@@ -168,8 +168,8 @@ def printable(
 
 
 def separation(coverage: np.ndarray, dpi: float | None, settings: Mapping[str, Any]) -> Picture:
-    """Return one ink as a gray picture: black where it is full, white where there is none. It has no colour
-    profile, since its numbers are shares of ink.
+    """Return one ink as a gray picture: black for full ink, white for none. It has no colour profile, as its
+    numbers are shares of ink.
     """
     return Picture(
         pixels=to_depth(np.ascontiguousarray(1.0 - coverage, dtype=np.float32), np.dtype(np.uint8)),

@@ -1,9 +1,9 @@
-"""A pattern on things one can hold or live with: drawings in millimetres, dressed with the pattern as cloth.
+"""Mock-ups of products: drawings in millimetres whose pieces are dressed with a pattern as cloth.
 
 A drawing is an .svg file in ``drawings`` with four groups. ``ground`` and ``over`` are drawn as they are,
 with ``{paper}`` and ``{ink}`` filled in. ``folds`` is a height: white up, black down. Each path of ``pieces``
-is dressed with the pattern ``data-pattern`` (1, 2, or 0 for the plain colour ``data-fill``); what else its
-data attributes say is in :class:`toposeam_cli.motifs.cloth.Piece`.
+is dressed with the pattern ``data-pattern`` (1, 2, or 0 for the plain colour ``data-fill``); its other data
+attributes are the fields of :class:`toposeam_cli.motifs.cloth.Piece`.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from toposeam_cli.motifs.cloth import Piece, lay
 
 #: Every product by name, in the order of books.
 PRODUCTS = ("tie", "scarf", "shirt", "canvas", "cushion", "wallpaper", "wrapping", "phone")
-#: Longer side of a mock-up, px, where nothing is said; at least, and of all px at most.
+#: Default and least length of a mock-up's longer side, px, and the most pixels of a mock-up.
 _LONGER_PX, _LEAST_PX, _MOST_PX = 1200, 64, 20_000_000
-#: The pattern is sampled from a picture of this many px per px of the mock-up.
+#: Resolution of the sampled pattern, px per px of the mock-up.
 _FINER = 1.5
-#: Nothing finer repeats on a product, mm.
+#: Least width of a motif on a product, mm.
 _LEAST_MM = 1.0
-#: Deviations of the blurs that drawings know as "wide" and "fine", as shares of the longer side.
+#: Standard deviations of the blurs "wide" and "fine" of drawings, as shares of the longer side.
 _WIDE, _FINE = 0.014, 0.006
-#: Gray of what is neither up nor down.
+#: Gray of height 0 in the folds.
 _LEVEL = "#808080"
 _SVG = "{http://www.w3.org/2000/svg}"
 _FILTERS = (
@@ -44,7 +44,7 @@ _FILTERS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Product:
-    """One thing to print on."""
+    """A product that shows a pattern."""
 
     name: str
     #: Size of the picture, mm.
@@ -52,11 +52,11 @@ class Product:
     height: float
     #: Customary width of one motif on it, mm.
     motif_mm: float
-    #: What is drawn, by the names of the groups.
+    #: The drawings of the groups of these names, as SVG.
     ground: str
     folds: str
     over: str
-    #: The attributes of each piece's path.
+    #: Attributes of each piece's path.
     pieces: tuple[dict[str, str], ...]
     #: Resolution of the mock-up.
     px_per_mm: float
@@ -69,12 +69,12 @@ class Product:
 
 @cache
 def product(name: str, dpi: float | None = None) -> Product:
-    """Load the product of that name, drawn at `dpi` px per inch of its own; 1200 px long without.
+    """Load the product of that name, at `dpi` px per inch of the product, or 1200 px long without.
 
     Raises
     ------
     OptionError
-        Where that is hardly a picture, or too large a one.
+        When the mock-up would be too small or too large.
     """
     from defusedxml.ElementTree import fromstring, tostring
 
@@ -102,7 +102,7 @@ def product(name: str, dpi: float | None = None) -> Product:
 
 
 def pattern_px(name: str, motif_mm: float | None = None, dpi: float | None = None) -> int:
-    """Width of one motif in px with which a mock-up is sharp."""
+    """Return the width of one motif in px at which a mock-up is sharp."""
     shown = product(name, dpi)
     return max(8, round((shown.motif_mm if motif_mm is None else motif_mm) * shown.px_per_mm * _FINER))
 
@@ -117,14 +117,14 @@ def draw_product(
     second: tuple[np.ndarray, int] | None = None,
     dpi: float | None = None,
 ) -> np.ndarray:
-    """Return a product with a pattern on it.
+    """Draw a product with a pattern on it.
 
     Parameters
     ----------
     name : str
         One of `PRODUCTS`.
     pattern : (H, W, 3) uint8 array
-        A piece of the pattern that repeats by translation: one motif, or as many as that takes.
+        A piece of the pattern that repeats by translation: one motif, or several if its rule needs them.
     motif_px : int
         Width of one motif in `pattern`.
     paper, ink : (3,) arrays
@@ -132,7 +132,7 @@ def draw_product(
     motif_mm : float, optional
         Width of one motif on the product; the customary one without it.
     second : (pattern, motif_px), optional
-        Another one, for lining, collar, border, ribbon or wainscot; the first one, or plain ink, without it.
+        A second pattern for lining, collar, border, ribbon or wainscot; without it the first, or plain ink.
     dpi : float, optional
         Px per inch of the product.
 
@@ -144,7 +144,7 @@ def draw_product(
     Raises
     ------
     OptionError
-        For a pattern too fine for the product, or a resolution that makes no picture of it.
+        For a pattern too fine for the product, or a resolution too low or too high.
     """
     shown = product(name, dpi)
     scale = shown.px_per_mm
@@ -171,7 +171,7 @@ def draw_product(
 
 
 def _folds(shown: Product, shape: tuple[int, ...]) -> np.ndarray:
-    """Return the drawn folds, -1 to 1: blurred here, since 8 bits are too few for slopes."""
+    """Return the drawn folds, -1 to 1. They are blurred here, as slopes of 8 bits are too coarse."""
     if "path" not in shown.folds:
         return np.zeros(shape)
     share = _FINE if "url(#fine)" in shown.folds else _WIDE
@@ -184,8 +184,8 @@ def _folds(shown: Product, shape: tuple[int, ...]) -> np.ndarray:
 def _for_second(
     shown: Product, first: tuple[np.ndarray, float] | None, ink: np.ndarray
 ) -> tuple[np.ndarray, float] | None:
-    """Return the substitute for a second pattern that is not given: the first where it is the same cloth,
-    else ink.
+    """Return the substitute for a missing second pattern: the first where it is the same cloth, else plain
+    ink.
     """
     if shown.name in ("tie", "shirt"):
         return first
@@ -193,7 +193,7 @@ def _for_second(
 
 
 def _swatch(shown: Product, pattern: np.ndarray, px_per_mm: float) -> tuple[np.ndarray, float]:
-    """Return the pattern as floats, no finer than the mock-up can show, and its resolution."""
+    """Return the pattern as floats, reduced to the detail that the mock-up can show, and its resolution."""
     sides = [side / px_per_mm for side in pattern.shape[:2]]
     if min(sides) < _LEAST_MM:
         raise OptionError(

@@ -24,9 +24,9 @@ from toposeam_cli.media.pictures.decode import RECIPE_NAMESPACE, check_input
 from toposeam_cli.media.pictures.libvips import load_vips
 
 _RECIPE = f"{{{RECIPE_NAMESPACE}}}recipe"
-#: Larger files are no pages of motifs, of which there are 200 at most.
+#: Largest page of motifs that is read, bytes: a page has at most 200 motifs.
 _LARGEST_PAGE = 2**28
-#: Where a page to choose from keeps its recipes.
+#: The element of an ``--explore`` page that holds its recipes.
 _ON_PAGE = re.compile(r'<script type="application/json" id="recipes">(.*?)</script>', re.DOTALL)
 
 
@@ -44,8 +44,8 @@ def to_xmp(settings: Mapping[str, Any]) -> bytes:
 
 
 def read_settings(path: Path, otherwise: str = "") -> dict[str, Any]:
-    """Return the settings that TopoSeam wrote into a picture or a drawing; `otherwise` ends the sentence that
-    says there are none.
+    """Return the settings that TopoSeam wrote into a picture or a drawing. `otherwise` ends the error's
+    sentence where there are none.
 
     Raises
     ------
@@ -122,7 +122,7 @@ def to_toml(recipe: ts.motif.Recipe) -> str:
 
 def _value(value: Any) -> str:
     if isinstance(value, bool | str):
-        return json.dumps(value)  # JSON's texts and truth values are TOML's
+        return json.dumps(value)  # texts and booleans look the same in JSON and TOML
     if isinstance(value, list):
         return f"[{', '.join(map(_value, value))}]"
     return repr(value)
@@ -143,7 +143,7 @@ def recipe_from_table(table: Mapping[str, Any], path: Path) -> ts.motif.Recipe |
 
 
 def recipe_on_page(path: Path, number: int | None) -> ts.motif.Recipe:
-    """Return the recipe of a motif on a page to choose from, by its number; a page of one motif needs none.
+    """Return the recipe of a motif on an ``--explore`` page, by its number; a page of one motif needs none.
 
     Raises
     ------

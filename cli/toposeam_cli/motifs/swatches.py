@@ -1,4 +1,4 @@
-"""Palettes in files: GIMP's .gpl, which is text, and Adobe's .ase, which is blocks of big-endian numbers."""
+"""Palettes in files: GIMP's .gpl, which are texts, and Adobe's .ase, blocks of big-endian numbers."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ import toposeam as ts
 from toposeam.colours import LUMA
 from toposeam_cli.files.regular import check_regular
 
-#: Files of swatches are not larger.
+#: Largest file of swatches that is read, bytes.
 _LARGEST_BYTES = 1_000_000
 _COLOUR = 0x0001
-#: White of LAB swatches, CIE D50, and sRGB's linear primaries seen from there (Bradford's adaptation).
+#: White of LAB swatches, CIE D50, and sRGB's linear primaries adapted to it (Bradford).
 _WHITE = np.array([0.96422, 1.0, 0.82521])
 _TO_RGB = np.array(
     [
@@ -27,8 +27,8 @@ _TO_RGB = np.array(
 
 
 def read_swatches(path: Path) -> np.ndarray:
-    """Return the colours in a file, (n, 3) sRGB in [0, 1]: the lightest, which is taken for the paper, then
-    the others in their order.
+    """Return the colours in a file, (n, 3) sRGB in [0, 1]: first the lightest, as that of the paper, then the
+    others in their order.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Pictures that shape a motif or lend it their colours."""
+"""Pictures from which a motif takes its shape or its colours."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import toposeam as ts
 from toposeam.colours import parse_colour
 from toposeam.motif.ink.palettes import Palette
-from toposeam_cli.media.pictures.limits import MAX_MOTIF, read_within
+from toposeam_cli.media.pictures.picture import MAX_MOTIF, read_within
 from toposeam_cli.motifs.swatches import read_swatches
 
 
@@ -28,7 +28,7 @@ def read_colours(text: str, folder: Path = Path()) -> str | Palette | np.ndarray
             raise ts.ImageError(
                 f"the palette's picture '{text}' is transparent everywhere; give one with colours"
             )
-        return np.expand_dims(picture.pixels[picture.covered()], 0)  # a row of what can be seen
+        return np.expand_dims(picture.pixels[picture.covered()], 0)  # a row of the visible pixels
     return text
 
 
@@ -40,12 +40,12 @@ def _palette(colours: np.ndarray, of: str) -> Palette:
 
 
 def read_theme(path: Path) -> np.ndarray:
-    """Return a base image, with its alpha where it has one.
+    """Return the picture of a theme as a motif's base, with its alpha if it has one.
 
     Raises
     ------
     ImageError
-        If it shows nothing, or as :func:`~toposeam_cli.media.pictures.limits.read_within` raises it.
+        If it shows nothing, or as :func:`~toposeam_cli.media.pictures.picture.read_within` raises it.
     """
     picture = read_within(path, MAX_MOTIF)
     if picture.alpha is None:

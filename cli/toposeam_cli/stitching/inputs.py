@@ -23,9 +23,8 @@ from toposeam_cli.files.regular import check_pattern
 from toposeam_cli.files.scratch import Scratch
 from toposeam_cli.media.layouts.hugin_project import ProjectPicture, project_text, read_project
 from toposeam_cli.media.layouts.layout import Layout, LayoutLayer, layout_text, read_layout
-from toposeam_cli.media.pictures.decode import size_of
+from toposeam_cli.media.pictures.decode import check_together, size_of
 from toposeam_cli.media.pictures.lens import exposure, focal_length, in_pixels, is_fisheye, noted
-from toposeam_cli.media.pictures.limits import check_together
 from toposeam_cli.media.pictures.masks import read_white
 from toposeam_cli.media.pictures.openraster import read_ora
 from toposeam_cli.media.pictures.picture import Picture, match_pictures, read_picture

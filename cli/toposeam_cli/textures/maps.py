@@ -15,7 +15,7 @@ from toposeam.images import full_scale
 from toposeam_cli.files.writing import PICTURE_SUFFIXES
 from toposeam_cli.media.pictures.picture import Picture, match_pictures, read_picture
 
-#: Formats of maps, by what they can hold.
+#: Formats of maps; later ones hold more depth.
 _RICHER = (".jpg", ".jpeg", ".webp", ".png", ".tif", ".tiff")
 
 
@@ -26,7 +26,7 @@ class Maps:
     Parameters
     ----------
     files : tuple of Path
-        What was given: each map once per sample.
+        The given files: each map once per sample.
     pictures : tuple of tuples of Picture
         Per map, one picture per sample; the normal map last.
     has_normal : bool
@@ -43,7 +43,7 @@ class Maps:
         Raises
         ------
         OptionError
-            When there are not as many of them as samples, or a multiple.
+            When their number is no multiple of the number of samples.
         """
         if len(also) % count:
             raise ts.OptionError(
@@ -63,14 +63,14 @@ class Maps:
         return cls(files=files, pictures=tuple(map(tuple, pictures)), has_normal=bool(normal))
 
     def keywords(self, picture: Picture, weights: tuple[float, ...] | None) -> dict[str, Any]:
-        """Return the keywords of core; opacities are maps of no weight."""
+        """Return the keywords for core; opacities are maps of weight 0."""
         further, normals = self.pictures, None
         if self.has_normal:
             further, normals = self.pictures[:-1], self.pictures[-1]
         opacities = self._opacities
         if weights is None:
             weights = (1.0,) * (1 + len(self.pictures))
-        if opacities:  # before the weight of the normals, which come last
+        if opacities:  # before the weight of the normal map, which comes last
             at = 1 + len(further)
             weights = (*weights[:at], *(0.0 for _ in opacities), *weights[at:])
         white = [white_of(picture), *map(_range_of, further)]
@@ -94,13 +94,13 @@ class Maps:
         ]
 
     def changed(self, change: Callable[[Picture], Picture]) -> Maps:
-        """Return the maps, each picture changed."""
+        """Return the maps, with a function applied to each picture."""
         pictures = tuple(tuple(map(change, each)) for each in self.pictures)
         return dataclasses.replace(self, pictures=pictures)
 
     @property
     def _opacities(self) -> list[int]:
-        """The maps that have opacity, of which the normal map's says nothing."""
+        """Return the maps that have opacity; that of the normal map has no meaning."""
         count = len(self.pictures) - self.has_normal
         return [
             k for k, each in enumerate(self.pictures[:count]) if any(one.alpha is not None for one in each)
@@ -124,7 +124,7 @@ def map_outputs(output: Path, also: Sequence[Path], normal: Sequence[Path], coun
 
 
 def white_of(picture: Picture) -> float | None:
-    """Return the white level of a picture: 1 in files of floats, whose lights may go beyond it."""
+    """Return the white level of a picture: 1 for floats, whose highlights may be brighter."""
     return 1.0 if np.issubdtype(picture.pixels.dtype, np.floating) else None
 
 
@@ -134,7 +134,7 @@ def _suffix(files: Sequence[Path]) -> str:
 
 
 def _range_of(pictures: Sequence[Picture]) -> float | None:
-    """Return what counts as white in a map: of heights in any unit their range."""
+    """Return the white level of a map: the range of its values for heights, which may have any unit."""
     white = white_of(pictures[0])
     if white is None:
         return None

@@ -110,8 +110,8 @@ class Search:
     method: ts.typing.Method
 
     def keywords(self, varied: bool = False) -> dict[str, Any]:
-        """Return the keywords common to ``synthesize``, ``make_tileable`` and ``fill``; where one number says
-        how varied a texture is, the options that it stands for must not be given.
+        """Return the keywords common to ``synthesize``, ``make_tileable`` and ``fill``. With `varied` set,
+        the options that it replaces must not be given.
         """
         lay = ("tolerance", "candidates", "context", "most", "variety", "method")
         if varied:
@@ -144,7 +144,7 @@ class Results:
     def destinations(
         self, output: Path, search: Search, preview: Path | None = None, count: int = 1
     ) -> Destinations:
-        """Return the destinations of all files, checked; `count` is the number of samples."""
+        """Return the checked destinations of all files; `count` is the number of samples."""
         return Destinations(
             output=output,
             maps=map_outputs(output, search.also, search.normal, count),
@@ -157,7 +157,7 @@ class Results:
 
     @property
     def max_pixels(self) -> int:
-        """Of any picture that is read."""
+        """Largest picture that is read, pixels."""
         return round(self.max_megapixels * 1e6)
 
 
@@ -293,8 +293,8 @@ _RESULTS: tuple[Callable[[Any], Any], ...] = (
 )
 
 
-#: Add the options that say how large patches are (``patches``), how they are chosen (``search``), and what
-#: else is written (``results``).
+#: Decorators that add the options for the size of patches (``patches``), their choice (``search``) and
+#: further outputs (``results``).
 patch_options = grouped("patches", Patches, _PATCHES)
 search_options = grouped("search", Search, _SEARCH)
 result_options = grouped("results", Results, _RESULTS)
@@ -302,7 +302,7 @@ result_options = grouped("results", Results, _RESULTS)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Destinations:
-    """Destinations of a texture and all that belongs to it."""
+    """Destinations of a texture and its further files."""
 
     output: Path
     #: One per further map.
@@ -328,7 +328,7 @@ class Destinations:
             raise ts.OptionError("two outputs have the same name; give each a name of its own")
 
     def check(self, pictures: Sequence[Picture], maps: Maps) -> None:
-        """Refuse, before any work is spent on it, what the formats of the outputs cannot hold.
+        """Refuse pictures and maps that the formats of the outputs cannot hold, before any work.
 
         Raises
         ------
@@ -340,13 +340,13 @@ class Destinations:
 
     @all_or_nothing()
     def write(self, made: ts.texture.Synthesis, picture: Picture, maps: Maps) -> None:
-        """Write everything that was asked for, or nothing.
+        """Write all requested files, or none.
 
         Parameters
         ----------
         made : Synthesis
         picture : Picture
-            Whose profile and resolution the result takes.
+            The picture whose profile and resolution the result takes.
         maps : Maps
             Likewise.
         """
@@ -369,17 +369,17 @@ class Destinations:
 
 
 def coordinate_picture(made: ts.texture.Synthesis) -> npt.NDArray[np.uint16]:
-    """(H, W, 3) column, row and exemplar of every pixel's source."""
+    """Return the column, row and exemplar of every pixel's source, (H, W, 3)."""
     return np.concatenate([made.source[..., ::-1], made.exemplar[..., np.newaxis]], axis=2).astype(np.uint16)
 
 
 def read_sources(paths: Sequence[Path], max_megapixels: float) -> list[Picture]:
-    """Return exemplars of one depth and colour space."""
+    """Read exemplars and convert them to one depth and colour space."""
     return match_pictures([read_picture(path, max_pixels=round(max_megapixels * 1e6)) for path in paths])
 
 
 def alphas(pictures: Sequence[Picture]) -> list[Any] | None:
-    """Opacity per picture, or None where all are opaque."""
+    """Return the opacity of each picture, or None if all are opaque."""
     return (
         None
         if all(picture.alpha is None for picture in pictures)
@@ -388,6 +388,6 @@ def alphas(pictures: Sequence[Picture]) -> list[Any] | None:
 
 
 def read_one(image: Path, search: Search, results: Results) -> tuple[Picture, Maps]:
-    """Return one picture and its further maps."""
+    """Read one picture and its further maps."""
     maps = Maps.read(search.also, search.normal, 1, results.max_pixels)
     return read_sources([image], results.max_megapixels)[0], maps

@@ -1,4 +1,4 @@
-"""Loop Animation: the layers of an image as frames, a loop in a new image back."""
+"""Loop Animation: from the layers of an image, as frames, to a loop in a new image."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from toposeam_gimp.image import pixels
 from toposeam_gimp.image.layers import RefusedError, chosen_layers
 from toposeam_gimp.texts import _
 
-#: What GIMP and its exporters read from the name of a layer: "(100ms)".
+#: A frame's duration in the name of its layer, as GIMP and its exporters read it: "(100ms)".
 _DELAY = re.compile(r"\(\s*(\d+)\s*ms\s*\)")
 _USUAL_MS = 100
 _LEAST_FRAMES = 4
@@ -71,7 +71,7 @@ def frames_of(image: Gimp.Image) -> list[Gimp.Layer]:
 
 
 def check_clip(image: Gimp.Image, _drawables: Sequence[Gimp.Drawable], _options: Mapping[str, Any]) -> None:
-    """Refuse what is no clip."""
+    """Refuse an image whose layers are no frames of a clip."""
     frames_of(image)
 
 

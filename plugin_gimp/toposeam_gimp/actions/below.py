@@ -11,15 +11,15 @@ from toposeam_gimp.image import pixels
 from toposeam_gimp.image.layers import RefusedError
 from toposeam_gimp.texts import _
 
-#: The seam needs the ground beside the patch, too.
+#: Width of the ground beside the patch that the seam needs, px.
 _MARGIN_PX = 2
 
 
 def picture_below(
     folder: RequestFolder, image: Gimp.Image, layer: Gimp.Layer, box: tuple[int, int, int, int]
 ) -> dict[str, Any]:
-    """Write what would be seen round a box of the canvas if a layer and all above it were away; what
-    describes it in a request.
+    """Write the visible image below a layer, within a box of the canvas and a margin; return its description
+    for a request.
     """
     x, y, width, height = box
     left, top = max(x - _MARGIN_PX, 0), max(y - _MARGIN_PX, 0)
@@ -65,7 +65,7 @@ def check_something(seen: Gimp.Layer, box: pixels.Box | None = None) -> None:
 
 
 def _way_to(image: Gimp.Image, layer: Gimp.Layer) -> list[int]:
-    """Return the positions that lead from the image's uppermost level to a layer."""
+    """Return the positions from the image's uppermost level down to a layer."""
     way: list[int] = []
     item: Gimp.Item | None = layer
     while item is not None:

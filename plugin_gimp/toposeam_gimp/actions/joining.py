@@ -1,4 +1,4 @@
-"""What all entries share that join layers: the request, masks, paths, and what blending has changed."""
+"""Steps of all entries that join layers: the request, masks, paths, and the layer of blended pixels."""
 
 from __future__ import annotations
 
@@ -22,7 +22,9 @@ Options = dict[str, Any]
 def request_of(
     image: Gimp.Image, layers: Sequence[Gimp.Layer], *, with_masks: bool = True, of: str = ""
 ) -> Iterator[tuple[RequestFolder, list[dict[str, Any]]]]:
-    """Open a folder that holds the layers' pixels, and what describes them; the engine starts meanwhile."""
+    """Open a request's folder, start the engine, and write the layers' pixels; yield the folder and their
+    descriptions.
+    """
     with RequestFolder(needed=2 * sum(pixels.size_of(image, layer) for layer in layers)) as folder:
         begin(folder, of)
         yield (
@@ -47,7 +49,7 @@ def put_mask(folder: RequestFolder, layer: Gimp.Layer, raster: dict[str, Any] | 
 def put_blended(
     folder: RequestFolder, image: Gimp.Image, under: Gimp.Layer, answer: Options
 ) -> Gimp.Layer | None:
-    """Add a layer of what blending has changed, on top of a group or right above a layer."""
+    """Add a layer of the pixels that blending has changed, on top of a group or right above a layer."""
     if answer.get("blended") is None:
         return None
     layer = pixels.new_layer(image, _("Blended seams"), answer["blended"])
@@ -63,7 +65,7 @@ def put_blended(
 def draw_seams(
     image: Gimp.Image, seams: Sequence[Options], undone: list[Callable[[], Any]], *, visible: bool
 ) -> list[dict[str, Any]]:
-    """Draw the paths of all seams, and select them; what has to be remembered of them."""
+    """Draw the paths of all seams and select them; return the record of each."""
     paths, memories = [], []
     for seam in seams:
         path, memory = draw_seam(image, seam, visible=visible)

@@ -16,7 +16,7 @@ from toposeam_gimp.image import pixels
 from toposeam_gimp.image.layers import RefusedError, chosen_layers
 from toposeam_gimp.texts import _
 
-#: Name of the parasite on the group of inks: the rule the motif repeats by, and its recipe.
+#: Name of the parasite on the group of inks: the rule by which the motif repeats, and its recipe.
 PARASITE = "toposeam-motif"
 
 
@@ -71,7 +71,7 @@ def inks_of(group: Gimp.GroupLayer) -> list[Gimp.Layer]:
 
 
 def colours_of(group: Gimp.GroupLayer) -> dict[str, Any]:
-    """Return the colours of inks and paper as a request for a preview has them."""
+    """Return the colours of inks and paper for a request for a preview."""
     return {
         "inks": [_hexadecimal(_colour(ink)) for ink in inks_of(group)],
         "paper": _hexadecimal(_colour(group.get_children()[-1])),
@@ -84,7 +84,7 @@ def check_motif(image: Gimp.Image, drawables: Sequence[Gimp.Drawable], _options:
 
 
 def motif_of(image: Gimp.Image, drawables: Sequence[Gimp.Drawable]) -> tuple[Gimp.GroupLayer, dict[str, Any]]:
-    """Return the group of inks that is meant, and what it remembers."""
+    """Return the selected group of inks, or the image's only one, and its record."""
     item: Any
     for item in [*chosen_layers(image, drawables), *image.get_layers()]:
         while item is not None:
@@ -130,7 +130,7 @@ def _image_of(
 def _solid(
     image: Gimp.Image, group: Gimp.GroupLayer, name: str, colour: Gegl.Color, mode: Gimp.LayerMode
 ) -> Gimp.Layer:
-    """Return a layer of one colour on top of the group. Inks mix as their encoded values multiply, as printed
+    """Add a layer of one colour on top of the group. Inks mix by products of their encoded values, as printed
     samples do.
     """
     layer = Gimp.Layer.new(

@@ -1,4 +1,4 @@
-"""Stitch Selection as Patch: ask the engine, and only when it has answered change the image."""
+"""Stitch Selection as Patch: ask the engine, and change the image after it has answered."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from toposeam_gimp.texts import _
 
 
 def patch_selection(call: Call) -> Gimp.Layer:
-    """Return the selected part of a layer, or a floating selection, laid on what is below it within a closed
-    seam.
+    """Join the selected part of a layer, or a floating selection, to the visible image below it along a
+    closed seam.
     """
     image, options = call.image, call.options
     (layer,) = chosen_layers(image, call.drawables)

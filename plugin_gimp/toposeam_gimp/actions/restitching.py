@@ -1,6 +1,4 @@
-"""Re-stitch, and Paint Seam Hints, which prepares for it: seams follow bent paths, strokes, and what was
-painted on masks.
-"""
+"""Re-stitch, and Paint Seam Hints, which prepares it: seams follow bent paths, strokes, and painted masks."""
 
 from __future__ import annotations
 
@@ -29,8 +27,8 @@ from toposeam_gimp.texts import _
 
 
 def restitch(call: Call) -> Gimp.Layer:
-    """Return a stitched group, or a patch, whose seams follow its paths, the strokes of its hints, and what
-    was painted on its masks.
+    """Update a stitched group, or a patch, so that its seams follow its paths, the strokes of its hints, and
+    its painted masks.
     """
     image = call.image
     selected = chosen_layers(image, call.drawables)
@@ -78,7 +76,9 @@ def restitch(call: Call) -> Gimp.Layer:
 
 
 def paint_hints(call: Call) -> Gimp.Layer:
-    """Select the layer to paint on which layer shall show where, made if need be, and a colour for it."""
+    """Select the layer of hints, on which people paint where each layer shall show, and a colour for it; make
+    it if there is none.
+    """
     image = call.image
     selected = chosen_layers(image, call.drawables)
     group, memory = stitched_group(image, selected)
@@ -128,7 +128,7 @@ def _layers_of(image: Gimp.Image, memory: dict[str, Any]) -> list[Gimp.Layer]:
 def _redrawn(
     call: Call, before: Sequence[dict[str, Any]], seams: Sequence[dict[str, Any]], undone: list[Any]
 ) -> list[dict[str, Any]]:
-    """Draw new seams in place of the old ones, which go."""
+    """Draw new seams and remove the old ones."""
     paths = [path for seam in before if (path := call.image.get_path_by_tattoo(seam["path"])) is not None]
     visible = any(path.get_visible() for path in paths)
     for path in paths:
@@ -137,8 +137,8 @@ def _redrawn(
 
 
 def _seams_to_apply(call: Call, seams: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return each seam with the lines that the image's paths say for it, and what was known of it; note in it
-    whether that changes anything.
+    """Return each seam with the lines of the image's paths, its record, and a note whether they differ from
+    it.
     """
     image = call.image
     others = other_paths(image, seams)
@@ -155,9 +155,8 @@ def _seams_to_apply(call: Call, seams: Sequence[dict[str, Any]]) -> list[dict[st
         lines, touched, remark = lines_to_apply(image, seam, fitting)
         if remark is not None:
             call.tell(remark)
-        changes = touched or seam.get(
-            "applied", False
-        )  # also where it was bent back, or another one followed
+        # It also changes where a path was bent back, or another one took its place.
+        changes = touched or seam.get("applied", False)
         seam["applied"] = touched
         known = [
             {**line, "curves": curves.curves_of(line["stroke"], line["closed"])} for line in seam["lines"]

@@ -1,4 +1,4 @@
-"""Panorama from Layers, Stitch Layers: ask the engine, and only when it has answered change the image."""
+"""Panorama from Layers, Stitch Layers: ask the engine, and change the image after it has answered."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from toposeam_gimp.image.layers import (
 from toposeam_gimp.image.seen import is_plain, plain_copy
 from toposeam_gimp.texts import _
 
-#: Of so many pairs it is told what is left between them.
+#: Most pairs of layers that a message about misfits names.
 _NAMED = 3
 
 
 def check_layers(image: Gimp.Image, drawables: Sequence[Gimp.Drawable], options: Mapping[str, Any]) -> None:
-    """Refuse what are no layers beside each other, and a selection where it is not known where they will
-    be.
+    """Refuse drawables that are no layers beside each other, and a selection while the layers' places are
+    unknown.
     """
     layers_to_join(image, drawables)
     if "places" in options:
@@ -45,7 +45,7 @@ def layers_to_join(image: Gimp.Image, drawables: Sequence[Gimp.Drawable]) -> lis
 
 
 def panorama(call: Call) -> Gimp.Layer:
-    """Place layers, warp and join them, on a canvas that holds what they show."""
+    """Place, warp and join layers on a canvas that holds them."""
     scans = call.options["pictures"] == "scans"
     blend = {"blend": "none", "blend-width": 0.0} if scans else {}
     return _joined(call, {**call.options, "places": "anywhere", **blend}, None)
@@ -58,7 +58,7 @@ def stitch_layers(call: Call) -> Gimp.Layer:
 
 
 def _joined(call: Call, options: Mapping[str, Any], selected: Gimp.Image | None) -> Gimp.Layer:
-    """Join the selected layers; where an image's selection counts, within that."""
+    """Join the selected layers, within the image's selection if the options ask for it."""
     image = call.image
     layers = layers_to_join(image, call.drawables)
     with request_of(image, layers) as (folder, rasters):
@@ -99,7 +99,7 @@ def _group_of(
     answer: Options,
     undone: list[Callable[[], Any]],
 ) -> tuple[Gimp.GroupLayer, list[Gimp.Layer]]:
-    """Put a group of copies above a layer, in their places and under their masks."""
+    """Put a group of copies of the layers above a layer, in their places and with their masks."""
     group = Gimp.GroupLayer.new(image, _("Stitched"))
     image.insert_layer(group, above.get_parent(), image.get_item_position(above))
     undone.append(lambda: image.remove_layer(group))
@@ -120,7 +120,7 @@ def _others(layers: Sequence[Gimp.Layer], used: Sequence[Gimp.Layer]) -> list[Gi
 
 
 def _tell(call: Call, layers: Sequence[Gimp.Layer], used: Sequence[Gimp.Layer], answer: Options) -> None:
-    """Tell what people should know about the result."""
+    """Add remarks about the result to the call."""
 
     def named(numbers: Sequence[int]) -> str:
         return ", ".join(f"“{layers[number].get_name()}”" for number in numbers)
@@ -162,7 +162,7 @@ def _tell(call: Call, layers: Sequence[Gimp.Layer], used: Sequence[Gimp.Layer], 
 
 
 def _hold_all(image: Gimp.Image, layers: Sequence[Gimp.Layer], undone: list[Callable[[], Any]]) -> None:
-    """Let the canvas grow to the right and downwards until it holds all layers."""
+    """Enlarge the canvas to the right and downwards until it holds all layers."""
     width, height = image.get_width(), image.get_height()
     corners = [list(layer.get_offsets())[1:] for layer in layers]
     right = max(x + layer.get_width() for layer, (x, _y) in zip(layers, corners, strict=True))

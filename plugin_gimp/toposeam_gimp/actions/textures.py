@@ -1,6 +1,4 @@
-"""Synthesize Texture, Make Seamless Tile, Fill Selection: pixels of one layer to the engine, a new layer
-back.
-"""
+"""Synthesize Texture, Make Seamless Tile, Fill Selection: from the pixels of one layer to a new layer."""
 
 from __future__ import annotations
 
@@ -43,7 +41,7 @@ def synthesize(call: Call) -> Gimp.Layer:
 
 
 def check_tile(image: Gimp.Image, drawables: Sequence[Gimp.Drawable], _options: Mapping[str, Any]) -> None:
-    """Refuse selections that cannot be laid side by side."""
+    """Refuse a selection that is no rectangle, as it cannot be laid side by side."""
     chosen_layers(image, drawables)
     selected_rectangle(image)
 
@@ -59,7 +57,7 @@ def make_tileable(call: Call) -> Gimp.Layer:
 
 
 def check_fill(image: Gimp.Image, drawables: Sequence[Gimp.Drawable], options: Mapping[str, Any]) -> None:
-    """Refuse to fill nothing, or from nothing."""
+    """Refuse an empty selection, and a missing source."""
     (layer,) = chosen_layers(image, drawables)
     if Gimp.Selection.is_empty(image):
         raise RefusedError(_("Nothing is selected; select what is to be replaced."))
@@ -71,7 +69,7 @@ def check_fill(image: Gimp.Image, drawables: Sequence[Gimp.Drawable], options: M
 
 
 def fill(call: Call) -> Gimp.Layer:
-    """Return a layer that covers what is selected with what the rest of the layer is like."""
+    """Return a layer that covers the selection by pixels like the rest of the layer."""
     check_fill(call.image, call.drawables, call.options)
     (layer,) = call.drawables
     with RequestFolder(needed=2 * pixels.size_of(call.image, layer)) as folder:
@@ -102,8 +100,8 @@ def send_source(
 def _sample(
     call: Call, folder: RequestFolder, layer: Gimp.Layer, *, rectangle: bool = False
 ) -> dict[str, Any]:
-    """Return the layer and, on its place, what is selected of it; with `rectangle` only the part of the layer
-    within the selection's bounds.
+    """Write the layer and the selection on it; with `rectangle` only the part of the layer within the
+    selection's bounds.
     """
     something = not Gimp.Selection.is_empty(call.image)
     box = selected_rectangle(call.image) if rectangle else None
@@ -121,7 +119,7 @@ def _sample(
 
 
 def selected_rectangle(image: Gimp.Image) -> pixels.Box | None:
-    """Return the selection, which must be a rectangle; None without one."""
+    """Return the box of the selection, which must be a rectangle; None without a selection."""
     something, left, top, right, bottom = Gimp.Selection.bounds(image)[1:]
     if not something:
         return None

@@ -1,4 +1,4 @@
-"""The dialogs: what matters first, the rest under “Advanced”, and beside it what will come of it."""
+"""The dialogs: common options first, the others under “Advanced”, and a preview beside them."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ from toposeam_gimp.texts import _  # noqa: E402
 _SPACE = 12
 #: Side of the dice on its button, px.
 _DICE = 20
-#: Numbers of so small a range are set with a slider.
+#: Largest range of a number that is set with a slider.
 _NARROW = 10
-#: GIMP draws sliders that are insensitive like the others.
+#: Opacity of insensitive sliders, which GIMP draws like the others.
 _FADED = 0.45
 #: GIMP's own buttons, where its translation has gaps.
 _BUTTONS = {
@@ -72,7 +72,7 @@ class Dialog:
         self._reason = Gtk.Label(wrap=True, xalign=0, width_chars=60, max_width_chars=80, margin=_SPACE)
         self._reason.set_no_show_all(True)
         self._dialog.get_content_area().pack_start(self._reason, False, False, 0)
-        # The selection may be another one by then.
+        # The selection may have changed meanwhile.
         self._focus = self._dialog.connect("focus-in-event", lambda *_event: self._check())
         self._replace_help()
         for button in _inside(self._dialog, Gtk.Button):
@@ -82,7 +82,7 @@ class Dialog:
         self._changed()
 
     def run(self) -> bool:
-        """Ask; whether the answer is OK."""
+        """Show the dialog; return whether the answer is OK."""
         if self._pane is not None:
             self._pane.start()
         try:
@@ -95,7 +95,7 @@ class Dialog:
 
     def _fields(self) -> Gtk.Widget:
         """Return all fields, one below the other."""
-        # A larger window is for the preview.
+        # A larger window enlarges the preview.
         fields = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, spacing=6, hexpand=self._pane is None)
         advanced = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, spacing=6, margin_top=6)
         for option in self._entry.options:
@@ -108,7 +108,7 @@ class Dialog:
         return fields
 
     def _row(self, option: Option) -> Gtk.Widget:
-        """Return the field of an option, with a box to tick or a button where it has one."""
+        """Return the field of an option, with its check box or button if it has one."""
         slides = isinstance(option.default, float) and option.high - option.low <= _NARROW
         kind = GimpUi.SpinScale.__gtype__ if slides else GObject.TYPE_NONE
         widget = self._dialog.get_widget(option.name, kind)
@@ -147,7 +147,7 @@ class Dialog:
         label.set_mnemonic_widget(field)
 
     def _automatic(self, option: Option, widget: Gtk.Widget) -> Gtk.Widget:
-        """Return a box that, ticked, stands for 0."""
+        """Return a check box that sets the option to 0."""
         kind = int if isinstance(option.default, int) else float
         box = Gtk.CheckButton(label=option.automatic)
         kept = {"value": kind(option.typical)}
@@ -182,7 +182,7 @@ class Dialog:
             self._pane.changed()
 
     def _check(self) -> None:
-        """Show what cannot work, and let OK wait until it can."""
+        """Show why the options cannot work, and disable OK until they can."""
         refusal = ""
         try:
             check_there(self._image, self._drawables)
@@ -199,14 +199,14 @@ class Dialog:
         self._ok.set_sensitive(not refusal)
 
     def _applies(self, option: Option) -> bool:
-        """Test whether an option means something with what is chosen for those it depends on."""
+        """Test whether an option has an effect with the values of those on which it depends."""
         if option.applies is None:
             return True
         name, values = option.applies
         return self._config.get_property(name) in values and self._applies(self._options[name])
 
     def _replace_help(self) -> None:
-        """Replace GIMP's own Help, which looks for pages in its manual."""
+        """Replace GIMP's own Help button, which opens pages of GIMP's manual."""
         old = self._dialog.get_widget_for_response(Gtk.ResponseType.HELP)
         if old is None:
             return
@@ -234,14 +234,14 @@ class Dialog:
 
 
 def _enable(row: Gtk.Widget, applies: bool) -> None:
-    """Let a row be used, or show that it does not apply."""
+    """Enable a row, or show that it does not apply."""
     row.set_sensitive(applies)
     for slider in _inside(row, GimpUi.SpinScale):
         slider.set_opacity(1 if slider.is_sensitive() else _FADED)
 
 
 def _nothing_for_zero(spin: Gtk.SpinButton) -> bool:
-    """Show no number where the box beside the field says what happens."""
+    """Show no number for 0, which the check box beside the field names."""
     if spin.get_value():
         return False
     spin.set_text("")
@@ -249,7 +249,7 @@ def _nothing_for_zero(spin: Gtk.SpinButton) -> bool:
 
 
 def _inside(widget: Gtk.Widget, kind: type) -> list[Gtk.Widget]:
-    """Return all widgets of a kind in another one, itself included."""
+    """Return all widgets of a class in another widget, itself included."""
     found = [widget] if isinstance(widget, kind) else []
     for child in widget.get_children() if isinstance(widget, Gtk.Container) else ():
         found += _inside(child, kind)
@@ -257,7 +257,7 @@ def _inside(widget: Gtk.Widget, kind: type) -> list[Gtk.Widget]:
 
 
 def _replace(row: Gtk.Widget, field: Gtk.Widget) -> None:
-    """Put another field into a row of GIMP's, so that its label stays in line with the others."""
+    """Replace the field in a row of GIMP's, so that its label stays aligned with the others."""
     old = row.get_widget()
     old.set_no_show_all(True)
     old.hide()

@@ -13,7 +13,7 @@ _THUMBNAIL = 28
 
 
 class DrawableChoice:
-    """The list, which sets the option; without anything to choose from it is empty."""
+    """A list that sets an option to one of several drawables."""
 
     def __init__(
         self,
@@ -36,8 +36,8 @@ class DrawableChoice:
         self.widget.pack_start(text, True)
         self.widget.add_attribute(text, "text", 1)
         known = [drawable and drawable.get_id() for drawable, _name in self._choices]
-        told = config.get_property(option.name)
-        self.widget.set_active(known.index(told.get_id()) if told and told.get_id() in known else 0)
+        chosen = config.get_property(option.name)
+        self.widget.set_active(known.index(chosen.get_id()) if chosen and chosen.get_id() in known else 0)
         self.widget.connect("changed", lambda _list: self._choose())
         self._choose()
 
@@ -48,7 +48,7 @@ class DrawableChoice:
 
 
 def choices(image: Gimp.Image, besides: Iterable[Gimp.Drawable]) -> Iterator[tuple[Gimp.Drawable, str]]:
-    """Yield the drawables of an image that can be copied from, with their names: layers, masks, channels."""
+    """Yield the drawables of an image that can be a source, with their names: layers, masks, channels."""
     own = {drawable.get_id() for drawable in besides}
     layers = list(_all(image.get_layers()))
     for layer in layers:

@@ -1,4 +1,6 @@
-"""What is shown where there is no engine yet: how to get it, and the making of one after asking."""
+"""The dialog of the first use, when there is no engine yet: how to get one, and its installation after
+asking.
+"""
 
 from __future__ import annotations
 
@@ -19,12 +21,12 @@ _CHOOSE, _SET_UP = 1, 2
 
 
 def has_engine() -> bool:
-    """Test whether there is an engine; where there is none, offer to make it.
+    """Return whether there is an engine; if there is none, offer to install it.
 
     Raises
     ------
     EngineError
-        When it could not be made.
+        When the installation failed.
     """
     try:
         find_python()
@@ -40,7 +42,7 @@ def _folder() -> Path:
 
 
 def _asked(reason: str) -> Path | None:
-    """Say what is missing; return what to make an engine of, None where people would rather not."""
+    """Explain what is missing; return the file from which to install an engine, None if the user declines."""
     dialog = Gtk.MessageDialog(text=_("TopoSeam needs its engine"), message_type=Gtk.MessageType.QUESTION)
     dialog.set_title("TopoSeam")
     wheel = bundled()
@@ -78,7 +80,7 @@ def _chosen() -> Path | None:
 
 
 def _made(source: Path) -> bool:
-    """Make the engine while a window says so; whether it was not stopped."""
+    """Install the engine while a window shows it; return False if the user stopped it."""
     dialog = Gtk.Dialog(title="TopoSeam")
     dialog.add_button(_("_Cancel"), Gtk.ResponseType.CANCEL)
     row = Gtk.Box(spacing=12, margin=18)

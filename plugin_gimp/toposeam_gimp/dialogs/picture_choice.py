@@ -1,4 +1,4 @@
-"""Choices that are made by their pictures: a button with the one that is chosen, and a menu of all."""
+"""A choice by pictures: a button with the chosen one, and a menu of all."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from gi.repository import Gimp, Gio, Gtk
 from toposeam_gimp.entries.entry import Option
 
 _FOLDER = Path(__file__).parents[1] / "pictures"
-#: Px of the screen's scale; the files have twice as many.
+#: Sides of the pictures on the button and in the menu, logical px; the files have twice as many.
 _SMALL, _LARGE = 32, 56
 _COLUMNS = 6
 
 
 def picture(name: str, size: int) -> Gtk.Image | None:
-    """Return a picture of the plug-in's folder; None where there is none of that name."""
+    """Return a picture from the plug-in's folder; None if there is none of that name."""
     for file in (_FOLDER / f"{name}.png", _FOLDER / f"{name}-symbolic.svg"):
         if file.is_file():
             icon = Gio.FileIcon.new(Gio.File.new_for_path(str(file)))
@@ -27,7 +27,7 @@ def picture(name: str, size: int) -> Gtk.Image | None:
 
 
 class PictureChoice:
-    """The button, which follows the option and sets it."""
+    """A button that shows the value of an option and sets it."""
 
     def __init__(self, config: Gimp.ProcedureConfig, option: Option) -> None:
         self._config, self._option = config, option
@@ -46,7 +46,7 @@ class PictureChoice:
             image = self._picture(nick, _LARGE)
             if image is not None:
                 inside.pack_start(image, False, False, 0)
-            # Short names under the pictures; the tooltip and the button say the rest.
+            # Short names under the pictures; the tooltip and the button have the whole text.
             name = Gtk.Label(label=label.partition(":")[0])
             inside.pack_end(name, image is None, False, 0)
             item.add(inside)

@@ -20,23 +20,23 @@ from toposeam_gimp.image.layers import RefusedError
 from toposeam_gimp.texts import _
 
 _SIZE, _WIDE = (360, 300), (600, 300)
-#: What the engine calls pictures that show seams.
+#: The engine's names of previews that show seams.
 _WITH_SEAMS = ("stitch", "patch")
-#: Entries whose previews can show what there was before.
+#: The engine's names of previews that can show the state before.
 _WITH_BEFORE = ("stitch", "patch", "tile", "hole")
-#: People type and drag; the preview waits for a moment of rest.
+#: Pause after the last change of an option before a preview is asked for, ms, as people type and drag.
 _REST_MS = 150
-#: Small pictures are shown enlarged, animations more, which have less pixels.
+#: Largest enlargement of small pictures, and of animations, which have fewer pixels.
 _MOST_ENLARGED, _MOST_ENLARGED_FRAMES = 2.0, 3.0
-#: The folder with the pixels shows a sign of life so often, s.
+#: Interval at which the folder with the pixels is marked as in use, s.
 _ALIVE_S = 120
-#: For the frame round a picture beside others, and the gap.
+#: Space for the frame round one of several pictures and for the gap, px.
 _SPARE = 12
 _MOST_SEED = 2_147_483_647
 
 
 class PreviewPane:
-    """A frame with the picture, and a box to switch it off."""
+    """A pane with the preview, and a check box that switches it off."""
 
     def __init__(
         self,
@@ -153,11 +153,11 @@ class PreviewPane:
 
     @property
     def _chooses(self) -> bool:
-        """Whether results are shown, not what they are made of."""
+        """Whether the preview shows variants of the result, of which one can be chosen."""
         return not (self._before.get_active() or self._copied.get_active())
 
     def _take(self, share: float) -> None:
-        """Take the variant that was clicked."""
+        """Choose the variant that was clicked."""
         if self._variants is not None and self._chooses:
             self._taking = True
             self._config.set_property("seed", self._variants.seed_at(share))
@@ -165,13 +165,13 @@ class PreviewPane:
             self._refresh()
 
     def _stop(self) -> None:
-        """Cancel the wait for a moment of rest."""
+        """Cancel the timer of the next preview."""
         if self._timer:
             GLib.source_remove(self._timer)
             self._timer = 0
 
     def _stay(self) -> bool:
-        """Keep the folder from being taken for one that a crash has left behind."""
+        """Mark the folder as in use, so that it is not removed as the remains of a crash."""
         if self._folder is not None:
             self._folder.touch()
         return True
@@ -200,7 +200,7 @@ class PreviewPane:
         return False
 
     def _next_variant(self, variants: Variants) -> None:
-        """Put what was drawn beside the variants before it, and ask for the next one."""
+        """Add the picture to the variants, and ask for the next one."""
         seed = variants.add(self._raw[0])
         if seed is not None and self._asked is not None:
             scene, options, pixels = self._asked
@@ -213,7 +213,7 @@ class PreviewPane:
         self._rehearsal.show(scene, options, pixels)
 
     def _refresh(self) -> None:
-        """Scale and draw what is shown, for the room and the zoom there are."""
+        """Scale and draw the pictures for the present room and zoom."""
         if self._variants is not None and self._raw and self._chooses:
             seed, dots = self._config.get_property("seed"), self._row.get_scale_factor()
             self._draw(*self._variants.pictures(seed, self._scaled, dots))
@@ -231,7 +231,7 @@ class PreviewPane:
     def _scaled(
         self, pixbuf: GdkPixbuf.Pixbuf, beside: int, most: float = _MOST_ENLARGED
     ) -> GdkPixbuf.Pixbuf:
-        """Scale the picture to the room there is for so many, on checks where it is transparent."""
+        """Scale the picture to its share of the room, with checks where it is transparent."""
         dots = self._row.get_scale_factor()
         width, height = pixbuf.get_width(), pixbuf.get_height()
         spare = _SPARE if beside > 1 else 0
@@ -259,7 +259,7 @@ class PreviewPane:
 
 
 def _squared(pixbuf: GdkPixbuf.Pixbuf) -> GdkPixbuf.Pixbuf:
-    """Centre in a transparent square: icons are laid out as squares."""
+    """Centre a picture in a transparent square, as icons are laid out as squares."""
     width, height = pixbuf.get_width(), pixbuf.get_height()
     side = max(width, height)
     square = GdkPixbuf.Pixbuf.new(GdkPixbuf.Colorspace.RGB, True, 8, side, side)
@@ -269,7 +269,7 @@ def _squared(pixbuf: GdkPixbuf.Pixbuf) -> GdkPixbuf.Pixbuf:
 
 
 def _pixbufs(picture: Preview) -> list[GdkPixbuf.Pixbuf]:
-    """RGBA, or gray and opacity, for the screen: a pixbuf for each frame."""
+    """Convert a preview of RGBA, or gray and opacity, to a pixbuf for each frame."""
     content = picture.content
     if picture.channels == 2:
         gray, opacity = content[::2], content[1::2]

@@ -1,5 +1,5 @@
-"""GI-free: one preview after another from an engine that is kept; what is no longer wanted is ended, and
-another engine, which waits meanwhile, goes on.
+"""GI-free: one preview after another from an engine that is kept. An engine with an outdated request is
+ended, and another one that waits takes over.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from typing import Any, NamedTuple
 from toposeam_gimp.engine import process as engine
 from toposeam_gimp.engine.folder import FolderError, RequestFolder
 
-#: So many engines wait at most.
+#: Most engines that wait for requests.
 _MOST_WARM = 2
 
 
 class Preview(NamedTuple):
-    """A picture, in 8 bits; of an animation all frames, one below the other."""
+    """A preview in 8 bits; of an animation all frames, one below the other."""
 
     width: int
     height: int
@@ -34,9 +34,9 @@ class Rehearsal:
     Parameters
     ----------
     done : callable
-        Called with a `Preview`, or with a sentence instead of it, from another thread.
+        Called from another thread with a `Preview`, or with the sentence of an error.
     of : str
-        What they will be of, so that engines prepare for it.
+        The engine's name of the previews, for which engines prepare.
     """
 
     def __init__(self, done: Callable[[Preview | str], object], of: str = "") -> None:
@@ -48,14 +48,14 @@ class Rehearsal:
         self._lock = threading.Lock()
 
     def warm_up(self, count: int = 1) -> None:
-        """Start `count` engines that wait."""
+        """Start engines until `count` of them wait."""
         with self._lock, suppress(engine.EngineError):
             self._warm = [one for one in self._warm if one.lives]
             while not self._closed and len(self._warm) < count:
                 self._warm.insert(0, engine.Engine(self._arguments))
 
     def show(self, scene: Mapping[str, Any], options: Mapping[str, Any], pixels: Path) -> None:
-        """Ask for a preview in place of any that is under way.
+        """Ask for a preview, in place of any unfinished one.
 
         Parameters
         ----------
@@ -77,7 +77,7 @@ class Rehearsal:
         threading.Thread(target=self._ask, args=(number, process, request, pixels), daemon=True).start()
 
     def cancel(self) -> None:
-        """End the preview that is under way."""
+        """Stop the unfinished preview."""
         with self._lock:
             self._number += 1
             if self._running is not None:
@@ -85,7 +85,7 @@ class Rehearsal:
             self._running = None
 
     def close(self) -> None:
-        """End everything."""
+        """End all engines."""
         self.cancel()
         with self._lock:
             self._closed = True
@@ -93,7 +93,7 @@ class Rehearsal:
                 self._warm.pop().end()
 
     def _next(self) -> engine.Engine:
-        """Return the engine that has waited, or answered, last."""
+        """Return the engine that answered last and still lives, or else start one."""
         while self._warm:
             process = self._warm.pop()
             if process.lives:
@@ -124,4 +124,4 @@ class Rehearsal:
             process.end()
         if wanted:
             self._done(found)
-            self.warm_up(_MOST_WARM)  # for when one has to be ended
+            self.warm_up(_MOST_WARM)  # in case one has to be ended

@@ -19,7 +19,7 @@ from toposeam_gimp.image.layers import RefusedError, check_selection, chosen_lay
 from toposeam_gimp.image.pixels import Box
 from toposeam_gimp.texts import _
 
-#: What the engine calls what a preview shows.
+#: The engine's name of each entry's preview.
 OF = {
     "panorama": "stitch",
     "stitch": "stitch",
@@ -31,20 +31,21 @@ OF = {
     "pattern": "repeat",
     "clip": "loop",
 }
-#: A preview is made of this many pixels at most.
+#: Most pixels of which a preview is made.
 MOST_PIXELS = 300_000
-#: What takes longer than seams has fewer (of layers that are placed, each), so that a preview takes a second
-#: at most (benchmarks/gimp.py).
+#: Most pixels where a preview takes longer than that of seams: of each layer that is placed, of tiles and of
+#: samples, so that a preview takes at most a second (benchmarks/gimp.py).
 _MOST_PLACED, _MOST_TILED, _MOST_SAMPLED = 60_000, 80_000, 50_000
 _MOST_GROWN, _MOST_LOOPED = 32_000, 150_000
-#: Of what is to be filled so many times its size is shown on each side; less where that is the result.
+#: Surroundings of a hole that are shown on each side, as multiples of its size: in general, and where the
+#: preview is the result.
 _SURROUNDINGS, _CLOSE = 1.2, 0.6
-#: A hole is filled at full size where what is searched has so many pixels at most: what lies within so many
-#: px of it, or so many times its longer side, and some more.
+#: Largest area, pixels, in which a hole is filled at full size. It reaches beyond the hole by the second
+#: number, px, or by the third times the hole's longer side, whichever is more, and by the fourth, px.
 _MOST_FILLED, _SEARCHED, _REACH, _BEYOND = 1_800_000, 512, 1.5, 64
-#: Smaller layers are searched as a whole.
+#: Size up to which a layer is searched as a whole, pixels.
 _SMALL = 1 << 20
-#: The least that a frame of an animation is shown at.
+#: Least side of a frame in a preview of an animation, px.
 _LEAST_FRAME = 200
 
 Scene = dict[str, Any]
@@ -57,13 +58,13 @@ def scene(name: str, folder: RequestFolder, image: Gimp.Image, drawables: Layers
     Raises
     ------
     RefusedError
-        When there is nothing to show; the text says why.
+        When there is nothing to show; the text gives the reason.
     """
     return _SCENES[name](folder, image, drawables, options)
 
 
 def key(name: str, options: Scene) -> tuple[Any, ...]:
-    """Return the options a scene depends on; as long as they stay the same, so do the pixels."""
+    """Return the options on which a scene's pixels depend."""
     if name == "sample":
         return options["width"], options["height"]
     if name in ("stitch", "patch"):
@@ -80,7 +81,7 @@ def _panorama(folder: RequestFolder, image: Gimp.Image, drawables: Layers, _opti
 
 
 def _placed(folder: RequestFolder, image: Gimp.Image, drawables: Layers) -> Scene:
-    """Send layers whose places are found out, so large that they can be."""
+    """Send layers of unknown place, large enough that their places can be found."""
     layers = layers_to_join(image, drawables)
     scale = _scale(sum(_area(_box(layer)) for layer in layers), _MOST_PLACED * len(layers))
     rasters = [
@@ -109,7 +110,7 @@ def _stitch(folder: RequestFolder, image: Gimp.Image, drawables: Layers, options
 
 
 def _avoided(folder: RequestFolder, image: Gimp.Image, scale: float, options: Scene) -> Scene:
-    """Send the channel that seams keep away from."""
+    """Send the channel of pixels that seams avoid."""
     channel = options["avoid"]
     return {"avoid": channel and pixels.send_reduced(folder, image, channel, "avoid", scale)}
 
@@ -156,7 +157,7 @@ def _hole(folder: RequestFolder, image: Gimp.Image, drawables: Layers, options: 
     check_fill(image, drawables, options)
     layer = drawables[0]
     whole, selected = _box(layer), _bounds(image) or _box(layer)
-    # What is to be replaced and its surroundings, as large as they can be shown.
+    # The hole and its surroundings, as large as they can be shown.
     shown = pixels.common(whole, _grown(selected, round(_SURROUNDINGS * max(selected[2:]))))
     reach = round(max(selected[2:]) * (1 if options["from"] == "around" else _REACH))
     searched = pixels.common(whole, _grown(selected, max(reach, _SEARCHED) + _BEYOND))

@@ -1,4 +1,4 @@
-"""Variants of a result side by side, of which people take one by a click: each has a seed of its own."""
+"""Variants of a result side by side, each with a seed of its own, to choose from by a click."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable
 from gi.repository import GdkPixbuf
 
 COUNT = 3
-#: Between variants, and round the one that is taken, px of the screen.
+#: Gap between variants, and width of the frame round the chosen one, px of the screen.
 GAP, _FRAME = 6, 3
 _FRAME_COLOUR = 0x3584E4FF
 
@@ -20,14 +20,14 @@ class Variants:
         self._pictures: list[GdkPixbuf.Pixbuf] = []
 
     def begin(self, seed: int, most: int) -> int:
-        """Start anew with variants of which a seed's is one; return the first one's seed."""
+        """Start anew with variants that include that of a seed; return the first one's seed."""
         if not self._first <= seed < self._first + COUNT:
             self._first = min(seed, most - COUNT)
         self._pictures = []
         return self._first
 
     def add(self, picture: GdkPixbuf.Pixbuf) -> int | None:
-        """Add a variant; return the next one's seed, None if that was the last."""
+        """Add a variant; return the seed of the next one, or None after the last."""
         self._pictures.append(picture)
         done = len(self._pictures)
         return self._first + done if done < COUNT else None
@@ -39,15 +39,15 @@ class Variants:
     def pictures(
         self, seed: int, scaled: Callable[[GdkPixbuf.Pixbuf, int], GdkPixbuf.Pixbuf], dots: int
     ) -> list[GdkPixbuf.Pixbuf]:
-        """Return the variants, each with room for a frame, which that of the seed has.
+        """Return the variants, with a frame round that of the seed and as much room round the others.
 
         Parameters
         ----------
         seed : int
         scaled : callable
-            Scales a variant for the screen; also called with how many there are.
+            Scales a variant for the screen; its second argument is the number of variants.
         dots : int
-            Px of the screen for each of its px in layouts.
+            Pixels of the screen per logical px.
         """
         framed, frame = [], _FRAME * dots
         for index, picture in enumerate(self._pictures):

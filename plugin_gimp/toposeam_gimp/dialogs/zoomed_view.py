@@ -1,4 +1,4 @@
-"""A picture that fills the room there is, is zoomed with the mouse wheel, and moved by dragging."""
+"""A view of a picture that fills its room, is zoomed by the mouse wheel and moved by dragging."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ from typing import Any
 from gi.repository import Gdk, GLib, Gtk
 
 _STEP, _MOST = 1.25, 8.0
-#: A click may move by so much, px.
+#: Largest movement of the mouse in a click, px.
 _STILL = 2.0
-#: Of the room, so that no scroll bars appear where everything fits.
+#: Margin of the room, px, so that no scroll bars appear where the picture fits.
 _MARGIN = 4
 
 
 class ZoomedView:
-    """The view, around a picture that its owner draws.
+    """A scrolled view round a picture that its owner draws.
 
     Parameters
     ----------
     picture : Gtk.Widget
     least : (int, int)
-        Width and height that it has at least, px.
+        Least width and height, px.
     refresh : callable
-        Draws the picture anew, for another :attr:`room` or :attr:`zoom`.
+        Draws the picture again for a new :attr:`room` or :attr:`zoom`.
     click : callable
-        Called with the share of the picture's width at which people have clicked.
+        Called with the place of a click, as a share of the picture's width.
     """
 
     def __init__(
@@ -36,7 +36,7 @@ class ZoomedView:
         click: Callable[[float], object],
     ) -> None:
         self._picture, self._refresh, self._click, self._least = picture, refresh, click, least
-        #: How many times larger than what fills the room.
+        #: Enlargement relative to a picture that fills the room.
         self.zoom = 1.0
         self._seen = least
         self._held: tuple[float, float] | None = None
@@ -61,7 +61,7 @@ class ZoomedView:
 
     @property
     def room(self) -> tuple[int, int]:
-        """Width and height there are, px."""
+        """Available width and height, px."""
         return self._seen[0] - _MARGIN, self._seen[1] - _MARGIN
 
     def _allocated(self, _widget: Gtk.Widget, room: Any) -> None:

@@ -1,4 +1,4 @@
-"""GI-free: one call of a procedure, as the functions that do the work get it."""
+"""GI-free: one call of a procedure, the argument of the functions in ``actions``."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from toposeam_gimp.texts import _
 
 
 class GoneError(Exception):
-    """What is worked on is gone; the text says so."""
+    """The image or a layer was deleted meanwhile; the text says so."""
 
 
 def check_there(image: Any, drawables: Sequence[Any]) -> None:
-    """Refuse an image or layers that are gone.
+    """Refuse an image or layers that were deleted.
 
     Raises
     ------
@@ -31,23 +31,23 @@ def check_there(image: Any, drawables: Sequence[Any]) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class Call:
-    """Request of the user or of a script."""
+    """A request of the user or of a script."""
 
-    #: The image and its selected drawables; None and nothing where a procedure needs no image.
+    #: The image and its selected drawables; None and empty for procedures that need no image.
     image: Any
     drawables: Sequence[Any]
-    #: By the names in the table.
+    #: Values of the options, by their names in the table.
     options: Mapping[str, Any]
     entry: Procedure
-    #: Whether a display is open: new images are shown then.
+    #: Whether GIMP has a display, on which new images are shown.
     interactive: bool
-    #: What people should know about the result; shown in the interface.
+    #: Remarks about the result, shown in the interface.
     remarks: list[str] = field(default_factory=list)
     #: GIMP's progress bar.
     show_progress: Callable[[float], object] = lambda _share: None
 
     def ask(self, folder: RequestFolder, request: Mapping[str, Any]) -> dict[str, Any]:
-        """Let the engine work on a request; return its answer, if the image is still there.
+        """Let the engine work on a request; return its answer, if the image still exists.
 
         Raises
         ------
@@ -58,12 +58,12 @@ class Call:
         return answer
 
     def progress(self, share: float) -> None:
-        """Show the share of the work done, if the image is still there."""
+        """Show the share of the work done, if the image still exists."""
         self.check_image()
         self.show_progress(share)
 
     def check_image(self) -> None:
-        """Stop where the image, or a layer that was selected, is gone.
+        """Refuse to go on if the image or a selected layer was deleted.
 
         Raises
         ------
@@ -77,7 +77,7 @@ class Call:
 
     @property
     def for_engine(self) -> dict[str, Any]:
-        """The options that go to the engine, by the names of its keywords."""
+        """The options for the engine, by the names of its keywords."""
         return renamed(
             {option.name: self.options[option.name] for option in self.entry.options if option.engine}
         )

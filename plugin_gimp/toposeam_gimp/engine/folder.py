@@ -1,6 +1,4 @@
-"""GI-free: the private temporary folder of one request, and what to do about those that a crash has left
-behind.
-"""
+"""GI-free: the private temporary folder of one request, and the removal of those that a crash has left."""
 
 from __future__ import annotations
 
@@ -18,9 +16,10 @@ from toposeam_gimp.texts import _
 
 _PREFIX = "toposeam-request-"
 _SIGN_OF_LIFE = "alive"
-#: Holds the nonce by which the engine knows a request folder that the plug-in made; no other is touched.
+#: Name of the file with the nonce, by which the engine recognizes a folder of the plug-in; it touches no
+#: other.
 MARKER = "toposeam-request"
-#: A folder that showed no sign of life for this long is abandoned.
+#: Age of the last sign of life at which a folder counts as abandoned, s.
 STALE_S = 15 * 60.0
 
 
@@ -29,12 +28,13 @@ class FolderError(Exception):
 
 
 class RequestFolder:
-    """A folder only this user can read; gone at the end of the ``with`` block, however that ends.
+    """A folder that only this user can read. It is removed at the end of the ``with`` block, however that
+    ends.
 
     Parameters
     ----------
     needed : int
-        Bytes that must be free there.
+        Bytes that must be free on its disk.
     """
 
     def __init__(self, needed: int = 0) -> None:
@@ -44,15 +44,15 @@ class RequestFolder:
         if free < needed:
             raise FolderError(too_small(self._parent, needed))
         self.path = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=self._parent))
-        #: The nonce that the engine reads on its stdin, and finds in the folder.
+        #: The nonce that the engine reads from its stdin and finds in the folder.
         self.nonce = secrets.token_hex(16)
         (self.path / MARKER).write_text(self.nonce, encoding="ascii")
-        #: The engine that was started for this request, if it was.
+        #: The engine that was started for this request; None if there is none.
         self.engine: Any = None
         self.touch()
 
     def touch(self) -> None:
-        """Show a sign of life."""
+        """Mark the folder as in use."""
         with suppress(OSError):
             (self.path / _SIGN_OF_LIFE).touch()
 
@@ -91,7 +91,7 @@ def sweep(parent: Path, now: float | None = None) -> None:
     for folder in parent.glob(_PREFIX + "*"):
         with suppress(OSError):
             if folder.is_symlink() or not (folder / MARKER).is_file():
-                continue  # not ours, whatever it is called
+                continue  # another user's, or not made by us, in spite of its name
             sign = folder / _SIGN_OF_LIFE
             own = not hasattr(os, "getuid") or folder.lstat().st_uid == os.getuid()
             seen = (sign if sign.exists() else folder).lstat()

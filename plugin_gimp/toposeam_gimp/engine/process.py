@@ -1,8 +1,8 @@
-"""GI-free: the engine process that does the numerics, and how a request gets there.
+"""GI-free: the engine process, which does the numerics, and the exchange of requests and answers with it.
 
 It is the Python of an installed TopoSeam, named in ``engine.json`` beside this file by ``toposeam gimp
-install``. The request and all pixels lie in a private folder; JSON lines come back on its stdout. It dies
-with us: its stdin is a pipe that breaks when we end.
+install``. The request and all pixels lie in a private folder; JSON lines come back on its stdout. The engine
+ends with us: its stdin is a pipe that closes when we end.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from toposeam_gimp.sentences import in_gimps_words
 from toposeam_gimp.texts import _
 
 PROTOCOL = 4
-#: The engine speaks every two seconds; this long a silence means that it hangs.
+#: Silence after which the engine counts as hanging, s; it sends an event every two seconds.
 SILENCE_S = 300.0
-#: Where the engine complains, in a request's folder.
+#: Name of the file for the engine's stderr in a request's folder.
 _LOG = "engine.log"
 
-#: What GIMP's own libraries need and another Python must not see.
+#: Variables for GIMP's own libraries, which another Python must not see.
 _FOREIGN = (
     "LD_PRELOAD",
     "LD_LIBRARY_PATH",
@@ -53,15 +53,15 @@ _INSTALL = _("Run “toposeam gimp install” in a terminal, as the README of To
 
 
 class EngineError(Exception):
-    """The engine could not do it; the text says what to do."""
+    """The engine failed; the text says what to do."""
 
 
 class NoEngineError(EngineError):
-    """There is none, or it is gone."""
+    """There is no engine, or it has ended."""
 
 
 class _SaidError(EngineError):
-    """The engine's own sentence, after which it can be asked again."""
+    """An error that the engine reported, after which it can be asked again."""
 
 
 def settings_file() -> Path:
@@ -70,7 +70,7 @@ def settings_file() -> Path:
 
 
 def missing_methods() -> list[str]:
-    """Return the methods that the installed engine lacks, as far as the installer noted it."""
+    """Return the methods that the installed engine lacks, as the installer recorded them."""
     try:
         return list(json.loads(settings_file().read_text(encoding="utf-8"))["without"])
     except (OSError, ValueError, KeyError, TypeError):
@@ -86,12 +86,12 @@ def find_python(environment: Mapping[str, str] | None = None, home: Path | None 
         When there is none.
     """
     environment = os.environ if environment is None else environment
-    told = environment.get("TOPOSEAM_PYTHON")
-    if told:
-        if shutil.which(told) is None:
+    named = environment.get("TOPOSEAM_PYTHON")
+    if named:
+        if shutil.which(named) is None:
             text = _("TOPOSEAM_PYTHON is {python}, but that is not a program; correct it or unset it.")
-            raise EngineError(text.format(python=told))
-        return told
+            raise EngineError(text.format(python=named))
+        return named
     try:
         recorded = str(json.loads(settings_file().read_text(encoding="utf-8"))["python"])
     except (OSError, ValueError, KeyError, TypeError):
@@ -120,8 +120,8 @@ def _usual_places(home: Path) -> Iterator[Path]:
 
 
 def clean_environment(environment: Mapping[str, str]) -> dict[str, str]:
-    """Return the environment without what GIMP's launchers put there for their own Python and libraries; one
-    BLAS thread.
+    """Return the environment without the variables of GIMP's launchers for their own Python and libraries,
+    and with one BLAS thread.
     """
     clean = {name: value for name, value in environment.items() if name not in _FOREIGN}
     return {**clean, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "PYTHONUTF8": "1"}
@@ -142,16 +142,16 @@ def ask(
     ----------
     folder : RequestFolder
     request : mapping
-        ``operation``, ``options``, and what the operation wants; protocol and version are added here.
+        ``operation``, ``options`` and the operation's other entries; protocol and version are added here.
     progress : callable
         Called with the share of the work done, in [0, 1].
     command : iterable of str, optional
         What to run instead of the engine; the folder is appended.
     silence_s : float
-        Give up after so many seconds without a sign of life.
+        Longest silence of the engine, s.
     waiting : Engine, optional
-        One that was started before and waits; it waits again when it has answered, and is ended if it does
-        not.
+        An engine that was started before and waits. It waits again after an answer, and is ended if it gives
+        none.
 
     Returns
     -------
@@ -161,7 +161,7 @@ def ask(
     Raises
     ------
     EngineError
-        The engine's own sentence, or what became of the engine.
+        The engine's own error, or the reason of its end.
     """
     text = json.dumps({"protocol": PROTOCOL, "version": __version__, **request})
     (folder.path / "request.json").write_text(text, encoding="utf-8")
@@ -185,13 +185,13 @@ def ask(
 
 
 def begin(folder: RequestFolder, of: str = "", command: Iterable[str] | None = None) -> None:
-    """Start the engine for a folder: it loads what it needs while pixels are written.
+    """Start the engine for a folder, so that it loads its modules while pixels are written.
 
     Parameters
     ----------
     folder : RequestFolder
     of : str
-        What will be asked for, if it is known.
+        The operation that will be requested, if it is known.
     command : iterable of str, optional
         What to run instead of the engine.
 
@@ -205,21 +205,21 @@ def begin(folder: RequestFolder, of: str = "", command: Iterable[str] | None = N
 
 
 class Engine:
-    """A process, and what it says.
+    """An engine process and the lines that it prints.
 
     Parameters
     ----------
     arguments : sequence of str
-        A request's folder; or ``-``, and perhaps what previews will be of, for one that waits for requests.
+        A request's folder; or ``-`` and perhaps the name of a preview, for an engine that waits for requests.
     noise : file, optional
-        Where it may complain.
+        File for its stderr.
     command : iterable of str, optional
         What to run instead.
 
     Raises
     ------
     EngineError
-        When there is none, or it cannot be started.
+        When there is no engine, or it cannot be started.
     """
 
     def __init__(
@@ -243,42 +243,42 @@ class Engine:
             text = _("TopoSeam's engine {python} does not start ({reason}).")
             said = text.format(python=python[0], reason=error.strerror)
             raise EngineError(f"{said} {_INSTALL}") from error
-        #: Whether it has said what it is.
+        #: Whether it has sent its protocol and version.
         self.greeted = False
         self._lines: queue.Queue[bytes | None] = queue.Queue()
         threading.Thread(target=self._read, daemon=True).start()
 
     @property
     def lives(self) -> bool:
-        """True if it can still be asked."""
+        """True if the process runs and can be asked."""
         return self._process.poll() is None
 
     def tell(self, *lines: str) -> None:
-        """Send lines: the nonce of a folder, so that it takes no other for a request's; before it the folder,
-        if it does not know it yet.
+        """Send lines: the nonce of a folder, by which the engine recognizes it, and before it the folder if
+        the engine does not know it yet.
         """
-        with suppress(OSError):  # it is gone already; its silence tells what became of it
+        with suppress(OSError):  # it has ended already, which reading shows
             if self._process.stdin is not None:
                 self._process.stdin.write("".join(f"{line}\n" for line in lines).encode())
                 self._process.stdin.flush()
 
-    def heard(self, silence_s: float) -> bytes | None:
-        """Return the next line; None once it has ended.
+    def read_line(self, silence_s: float) -> bytes | None:
+        """Return the next line; None after the engine's end.
 
         Raises
         ------
         queue.Empty
-            After so many seconds of silence.
+            After `silence_s` seconds without a line.
         """
         return self._lines.get(timeout=silence_s)
 
     def kill(self) -> None:
-        """Stop it, whatever it does."""
+        """Kill the process, if it still runs."""
         if self.lives:
             self._process.kill()
 
     def end(self) -> int:
-        """Stop it and wait until it is gone; its exit code."""
+        """Kill the process and wait for its end; return its exit code."""
         self.kill()
         code = self.wait()
         if self._process.stdin is not None:
@@ -287,12 +287,12 @@ class Engine:
         return code
 
     def wait(self) -> int:
-        """Wait until it is gone; its exit code."""
+        """Wait for the end of the process; return its exit code."""
         return self._process.wait()
 
     def _read(self) -> None:
         if self._process.stdout is not None:
-            # To its end, which comes after the engine's where a process that it has started outlives it.
+            # Until the pipe closes, which is after the engine's end if a process that it started outlives it.
             with self._process.stdout, suppress(OSError):
                 for line in self._process.stdout:
                     self._lines.put(line)
@@ -309,7 +309,7 @@ def _listen(
     share = 0.0
     while True:
         try:
-            line = process.heard(silence_s)
+            line = process.read_line(silence_s)
         except queue.Empty:
             raise EngineError(
                 _(
@@ -345,7 +345,7 @@ def _listen(
 
 
 def _obituary(process: Engine, log: Path | None) -> str:
-    """Return the message for the user about an engine that ended without a word."""
+    """Return the message for the user about an engine that ended without an error."""
     code = process.wait()
     said = [
         line.strip()

@@ -1,4 +1,4 @@
-"""GI-free: an environment of its own for the engine, made on first use from a wheel or a checkout."""
+"""GI-free: a virtual environment for the engine, made on first use from a wheel or a checkout."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _ASK = (
 
 
 class StoppedError(Exception):
-    """The user has stopped it."""
+    """The user has stopped the installation."""
 
 
 def bundled() -> Path | None:
@@ -32,13 +32,12 @@ def bundled() -> Path | None:
 
 
 def source_of(chosen: Path) -> Path:
-    """Return what pip installs for the file that people have chosen: a wheel, an archive, or the checkout
-    whose ``pyproject.toml`` it is.
+    """Return pip's argument for a chosen file: a wheel, an archive, or a checkout's ``pyproject.toml``.
 
     Raises
     ------
     EngineError
-        When it is neither.
+        When the file is none of these.
     """
     if chosen.name == "pyproject.toml" and (chosen.parent / "core" / "toposeam").is_dir():
         return chosen.parent
@@ -52,25 +51,25 @@ def source_of(chosen: Path) -> Path:
 
 
 class SettingUp:
-    """The making of an environment; it can be stopped from another thread."""
+    """The installation of an environment; it can be stopped from another thread."""
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[str] | None = None
         self._stopped = False
 
     def stop(self) -> None:
-        """Stop it."""
+        """Stop the installation."""
         self._stopped = True
         if self._process is not None and self._process.poll() is None:
             self._process.kill()
 
     def make(self, folder: Path, source: Path) -> None:
-        """Make an environment in a folder, and note its Python as the engine's.
+        """Make an environment in a folder, and record its Python as the engine's.
 
         Raises
         ------
         EngineError
-            When it cannot be made; the text says why. Nothing is left then.
+            When it cannot be made; the text gives the reason, and nothing is left.
         StoppedError
         """
         if folder.exists() and not (folder / "pyvenv.cfg").is_file() and any(folder.iterdir()):
@@ -111,7 +110,7 @@ class SettingUp:
         )
 
     def _run(self, command: Sequence[str]) -> str:
-        """Run a program to its end; what it says."""
+        """Run a program to its end; return its output."""
         self._process = subprocess.Popen(  # noqa: S603 - Python, and no shell
             command,
             stdin=subprocess.DEVNULL,
@@ -135,7 +134,7 @@ class SettingUp:
 
 
 def _pythons() -> Iterator[list[str]]:
-    """Yield what Python may be called, the best known first."""
+    """Yield names that Python may have, the most common first."""
     if sys.platform == "win32":
         yield ["py", "-3"]
     for minor in (13, 12, 11, 14):

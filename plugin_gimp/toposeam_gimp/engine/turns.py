@@ -11,8 +11,8 @@ from pathlib import Path
 
 @contextmanager
 def turn() -> Iterator[None]:
-    """Let the blocks of all plug-in processes of this user run one after another; where files cannot be
-    locked, at once.
+    """Run the blocks of all plug-in processes of this user one after another; without file locks they run at
+    once.
     """
     file = None
     with suppress(ImportError, OSError, KeyError):

@@ -1,4 +1,4 @@
-"""GI-free: what a menu entry is, and a field of its dialog."""
+"""GI-free: the classes of a menu entry and of a field of its dialog."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ class Option:
     name: str
     label: str
     help: str
-    #: Its type says what the option is: bool, int, float, one of `choices`; None a layer, mask or channel.
+    #: Its type is that of the option: bool, int, float, or str for one of `choices`; None for a drawable.
     default: bool | int | float | str | None
     low: float = 0
     high: float = 1
-    #: Pairs of what scripts write and what people read.
+    #: Pairs of a value for scripts and its label.
     choices: tuple[tuple[str, str], ...] = ()
-    #: Whether it goes to the engine unchanged; the others are for the plug-in.
+    #: Whether it is passed to the engine unchanged; the others are for the plug-in.
     engine: bool = True
-    #: What 0 stands for in scripts; people tick a box of this name, and get `typical` when they untick it.
+    #: Meaning of 0, and label of the check box that sets it; unticked, it sets `typical`.
     automatic: str | None = None
     typical: float = 1
-    #: Another option, and the values of it with which this one means something; else it is insensitive.
+    #: Another option, and those of its values with which this one has an effect; else it is insensitive.
     applies: tuple[str, tuple[bool | str, ...]] | None = None
-    #: Whether it waits under “Advanced” until it is looked for.
+    #: Whether it is under “Advanced”.
     advanced: bool = False
-    #: Of one that is a mask or a channel and may be none: what none is called.
+    #: Label of no mask or channel, for one that may be missing.
     none: str = ""
-    #: How the names of the files in ``pictures`` begin that show the choices; "" where words do.
+    #: Prefix of the names of the choices' pictures in ``pictures``; "" for choices without pictures.
     pictures: str = ""
 
     @property
@@ -56,7 +56,9 @@ def number(
     applies: tuple[str, tuple[bool | str, ...]] | None = None,
     advanced: bool = False,
 ) -> Option:
-    """Return a size in pixels, a count, or a share: whole where its default is; see :class:`Option`."""
+    """Return an option for a size in pixels, a count or a share: an integer if its default is one; see
+    :class:`Option`.
+    """
     return Option(
         name=name,
         label=label,
@@ -78,30 +80,31 @@ class Procedure:
     name: str
     #: Menu entry, with its mnemonic.
     label: str
-    #: The submenu it is in.
+    #: Its submenu.
     menu: str
-    #: A blurb, with the words in brackets that people search for.
+    #: A blurb, with words in brackets for which people search.
     blurb: str
     help: str
-    #: Module of this package, and its function.
+    #: Module of this package and its function that does the work.
     work: str
-    #: Its function that refuses what cannot work; the dialog shows why. "" where GIMP itself can tell.
+    #: The module's function that refuses what cannot work, with a reason for the dialog; "" if GIMP checks
+    #: enough.
     check: str = ""
-    #: Another place in GIMP's menu, where people look for it.
+    #: Another place in GIMP's menu where people look for the entry.
     also: str = ""
     options: tuple[Option, ...] = ()
-    #: When the entry can be used: "layer" when one is selected, "layers" for one or more, "several" for two
-    #: or more, "nothing" always.
+    #: Selection that the entry needs: "layer" for one layer, "layers" for one or more, "several" for two or
+    #: more, "nothing" for none.
     needs: str = "layer"
     #: Name and blurb of the layer it returns.
     returns: tuple[str, str] = ("layer", "The new layer")
-    #: The function of :mod:`toposeam_gimp.dialogs.scenes` that collects what its preview shows; None without
-    #: one.
+    #: The function of :mod:`toposeam_gimp.dialogs.scenes` that collects the pixels of its preview; None
+    #: without a preview.
     preview: str | None = None
 
     @property
     def title(self) -> str:
-        """The label without mnemonic and dots; Korean ones write it as “(_S)”."""
+        """The label without mnemonic and dots; Korean labels have the mnemonic as “(_S)”."""
         return _plain(self.label).rstrip(".")
 
 

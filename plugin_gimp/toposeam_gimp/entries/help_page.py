@@ -16,14 +16,14 @@ _STYLE = (
 
 
 def write_help_page(entries: Iterable[Procedure], folder: Path) -> Path:
-    """Write the page into a folder; where it is."""
+    """Write the page into a folder; return its path."""
     file = folder / f"toposeam-help-{LANGUAGE}.html"
     file.write_text(help_page(entries), encoding="utf-8")
     return file
 
 
 def help_page(entries: Iterable[Procedure]) -> str:
-    """Return an HTML document with a section per entry, whose id is the end of its procedure's name."""
+    """Return an HTML document with a section per entry. Its id is the last part of the procedure's name."""
     sections = "".join(_section(entry) for entry in entries)
     return (
         f'<!DOCTYPE html><html lang="{LANGUAGE}"><head><meta charset="utf-8"><title>TopoSeam</title>'

@@ -6,8 +6,8 @@ from toposeam_gimp.entries.entry import WALLPAPERS, Option, Procedure, number
 from toposeam_gimp.entries.textures import SEED
 from toposeam_gimp.texts import _
 
-#: The rules that lay any motif side by side, and the wallpaper groups; core's (a test compares them). What
-#: stands before the colon is enough beside a picture.
+#: The rules that lay any motif side by side, and the wallpaper groups, as in core (a test compares them). The
+#: text before the colon is the short name under a picture.
 _RULES = (
     ("reflect", _("Reflection: every other copy mirrored")),
     ("translate", _("Translation: all copies alike")),

@@ -12,9 +12,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
-#: Coordinates that differ by less were not moved: GIMP's files keep single floats.
+#: Difference below which coordinates count as equal, px, as GIMP's files keep single floats.
 SAME_PX = 0.01
-#: Bent curves are followed in steps of about this length.
+#: Approximate step along bent curves, px.
 _STEP_PX = 1.5
 _MOST_STEPS = 2000
 
@@ -23,12 +23,12 @@ Stroke = tuple[Sequence[float], bool]
 
 
 def straight_stroke(points: Sequence[float]) -> Line:
-    """Return a stroke of straight pieces: the handles lie on their anchors."""
+    """Return a stroke of straight pieces, with handles on their anchors."""
     return [value for index in range(0, len(points), 2) for value in [*points[index : index + 2]] * 3]
 
 
 def stroke_of(curves: Sequence[Sequence[float]], closed: bool) -> Line:
-    """Return the stroke of some curves, each of which begins where the one before ends."""
+    """Return the stroke of curves, each of which begins at the end of the one before."""
     stroke: Line = []
     before = curves[-1][4:6] if closed else curves[0][:2]
     for curve in curves:
@@ -36,7 +36,7 @@ def stroke_of(curves: Sequence[Sequence[float]], closed: bool) -> Line:
         before = curve[4:6]
     if not closed:
         stroke += [*before, *curves[-1][6:8], *curves[-1][6:8]]
-    # As GIMP's files keep it, so that it is the same after a file was opened again.
+    # In the precision of GIMP's files, so that it is equal after a file was opened again.
     return list(struct.unpack(f"{len(stroke)}f", struct.pack(f"{len(stroke)}f", *stroke)))
 
 
@@ -54,16 +54,16 @@ def lines_of(strokes: Iterable[Stroke], known: Sequence[Mapping[str, Any]]) -> t
     Parameters
     ----------
     strokes : iterable of (stroke, closed)
-        What GIMP's path holds now.
+        The present strokes of GIMP's path.
     known : sequence of mapping
-        What was written there: each has ``stroke``, ``closed``, and ``pieces``, the exact line that each of
-        its curves stands for.
+        The record of the written strokes: each has ``stroke``, ``closed``, and ``pieces``, the exact line of
+        each of its curves.
 
     Returns
     -------
     list of dict
-        ``points`` and ``closed``: the exact pieces where curves are as they were written, and the curves
-        themselves where they were bent.
+        ``points`` and ``closed``: the exact pieces of unchanged curves, and the curves themselves where they
+        were bent.
     bool
         Whether anything differs from what was written.
     """
@@ -88,7 +88,7 @@ def lines_of(strokes: Iterable[Stroke], known: Sequence[Mapping[str, Any]]) -> t
 
 
 def followed(curve: Sequence[float]) -> Line:
-    """Return a curve as a line, with both its ends."""
+    """Return the points along a curve, with both its ends."""
     corners = [(curve[index], curve[index + 1]) for index in range(0, 8, 2)]
     start, first, second, end = corners
     if first == start and second == end:

@@ -1,4 +1,4 @@
-"""The layer on which people paint which layer of a stitched group shall show where."""
+"""The layer of hints, on which people paint where each layer of a stitched group shall show."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from toposeam_gimp.image import pixels
 from toposeam_gimp.image.layers import HINTS_PARASITE, KEPT
 from toposeam_gimp.texts import _
 
-#: Colours of strokes, 8 bits, and the tags in the Layers dialog that say so; the lowest layer's first.
+#: Colours of strokes, 8 bits, and the equal colour tags in the Layers dialog, from the lowest layer on.
 COLOURS = (
     ((51, 108, 222), Gimp.ColorTag.BLUE),
     ((240, 140, 20), Gimp.ColorTag.ORANGE),
@@ -23,7 +23,7 @@ COLOURS = (
     ((120, 75, 35), Gimp.ColorTag.BROWN),
     ((128, 128, 128), Gimp.ColorTag.GRAY),
 )
-#: Strokes let the picture be seen.
+#: Opacity of the layer of strokes, %, so that the picture is seen through it.
 _OPACITY = 60.0
 
 
@@ -33,7 +33,7 @@ def hints_of(image: Gimp.Image, memory: dict[str, Any]) -> Gimp.Layer | None:
 
 
 def new_hints(image: Gimp.Image, group: Gimp.Layer, box: pixels.Box) -> Gimp.Layer:
-    """Put an empty layer for strokes above a stitched group, or above a patch and what is blended there."""
+    """Put an empty layer for strokes above a stitched group, or above a patch and its blended pixels."""
     raster = {"width": box[2], "height": box[3]}
     layer = pixels.new_layer(image, _("Seam hints"), raster)
     position = image.get_item_position(group)
@@ -66,9 +66,7 @@ def replace_hints(
     raster: dict[str, Any],
     box: pixels.Box,
 ) -> Gimp.Layer:
-    """Put the strokes of a raster in place of those there are: the old layer goes, as the undo step holds
-    it.
-    """
+    """Replace the layer of strokes by that of a raster; the undo step keeps the old layer."""
     layer = new_hints(image, group, box)
     pixels.receive_strokes(folder, layer, raster)
     if old is not None:

@@ -1,4 +1,4 @@
-"""Layers and paths of an image: which are meant, and how results are put beside them in one undo step."""
+"""Layers and paths of an image: their choice, and results put beside them in one undo step."""
 
 from __future__ import annotations
 
@@ -17,21 +17,22 @@ from toposeam_gimp.image import curves, pixels
 from toposeam_gimp.image import path_choice as choosing
 from toposeam_gimp.texts import _
 
-#: Name of the parasite on a stitched group: its layers, and its seams exactly.
+#: Name of the parasite on a stitched group: its layers and its exact seams.
 PARASITE = "toposeam-seam"
-#: On the paths that a stitched group has made: their own tattoo, so that a copy is known to be one.
+#: Name of the parasite on the paths of a stitched group: their own tattoo, which a copy does not match.
 PATH_PARASITE = "toposeam-path"
-#: On a stitched group, packed: which layer showed where when its masks were written.
+#: Name of the parasite on a stitched group: the label map, compressed, when its masks were written.
 SHOWN_PARASITE = "toposeam-shown"
-#: On a layer with strokes: the tattoo of the group they are for.
+#: Name of the parasite on a layer with strokes: the tattoo of their group.
 HINTS_PARASITE = "toposeam-hints"
 _PARASITE_VERSION = 3
-#: Saved with the file, and part of the undo step; without the latter GIMP complains when it is undone.
+#: Flags of the parasites: saved with the file, and part of the undo step, as GIMP reports an error on undo
+#: otherwise.
 KEPT = Gimp.PARASITE_PERSISTENT | Gimp.PARASITE_UNDOABLE
 
 
 class RefusedError(Exception):
-    """The request makes no sense for this image; the text says what to do."""
+    """The request is impossible for this image; the text says what to do."""
 
 
 def chosen_layers(image: Gimp.Image, drawables: Sequence[Gimp.Drawable]) -> list[Gimp.Layer]:
@@ -51,7 +52,7 @@ def chosen_layers(image: Gimp.Image, drawables: Sequence[Gimp.Drawable]) -> list
 
 
 def lowest_first(image: Gimp.Image, layers: Sequence[Gimp.Layer]) -> list[Gimp.Layer]:
-    """Sort layers in the order of the stack, from below; a group together with what is in it is refused."""
+    """Sort layers in the order of the stack, from below. A group together with its own layers is refused."""
     chosen = {layer.get_id() for layer in layers}
     ordered: list[Gimp.Layer] = []
 
@@ -74,9 +75,7 @@ def lowest_first(image: Gimp.Image, layers: Sequence[Gimp.Layer]) -> list[Gimp.L
 
 
 def all_alike(drawables: Sequence[Gimp.Drawable]) -> bool:
-    """Test whether the middles of drawables lie on each other, as those of files that were opened as
-    layers.
-    """
+    """Test whether the centres of drawables coincide, as those of files that were opened as layers."""
     middles = set()
     for one in drawables:
         _nothing, left, top = one.get_offsets()
@@ -85,7 +84,7 @@ def all_alike(drawables: Sequence[Gimp.Drawable]) -> bool:
 
 
 def check_selection(image: Gimp.Image, options: Mapping[str, Any]) -> None:
-    """Refuse a selection, which says where seams may run, while it is not known where the layers will be."""
+    """Refuse a selection, which limits the seams, while the places of the layers are unknown."""
     if options["places"] == "anywhere" and not Gimp.Selection.is_empty(image):
         raise RefusedError(
             _(
@@ -97,8 +96,8 @@ def check_selection(image: Gimp.Image, options: Mapping[str, Any]) -> None:
 
 @contextmanager
 def one_undo_step(image: Gimp.Image) -> Iterator[list[Callable[[], Any]]]:
-    """Group the block into one undo step; if it fails, call the list's functions, last first. Blocks of other
-    entries wait: GIMP would make one step of both.
+    """Make the block one undo step. If it fails, call the functions in the yielded list, last first. Blocks
+    of other entries wait, as GIMP would join their steps.
     """
     undone: list[Callable[[], Any]] = []
     with turn():
@@ -116,8 +115,8 @@ def one_undo_step(image: Gimp.Image) -> Iterator[list[Callable[[], Any]]]:
 
 
 def draw_seam(image: Gimp.Image, seam: dict[str, Any], *, visible: bool) -> tuple[Gimp.Path, dict[str, Any]]:
-    """GIMP's path for a seam, smooth and to be bent, and what has to be remembered of it: what each of its
-    curves stands for exactly.
+    """Draw a seam as a smooth path of GIMP that can be bent; return the path and its record, the exact line
+    of each curve.
     """
     path = Gimp.Path.new(image, _("Seam {name}").format(name=seam["name"]))
     image.insert_path(path, None, 0)
@@ -137,15 +136,15 @@ def draw_seam(image: Gimp.Image, seam: dict[str, Any], *, visible: bool) -> tupl
 def lines_to_apply(
     image: Gimp.Image, seam: dict[str, Any], others: Sequence[Gimp.Path]
 ) -> tuple[list[dict[str, Any]], bool, str | None]:
-    """Return the lines that the paths of an image say for a seam, whether they differ from what was found,
-    and what people should know about it.
+    """Return the lines of an image's paths for a seam, whether they differ from the found ones, and a remark
+    for the user.
 
     Parameters
     ----------
     seam : dict
-        As :func:`draw_seam` remembers it.
+        The record of :func:`draw_seam`.
     others : sequence of Path
-        Paths that are not the group's own and could be meant too.
+        Other paths, not the group's own, that may be for this seam.
     """
     selected = {path.get_id() for path in image.get_selected_paths()}
     candidates = []
@@ -155,7 +154,7 @@ def lines_to_apply(
         candidates.append(_candidate(own, selected, own=True, touched=touched, lines=found))
     for path in others:
         found, _touched = curves.lines_of(strokes_of(path), ())
-        newer = path.get_tattoo() > seam["path"]  # GIMP counts them up
+        newer = path.get_tattoo() > seam["path"]  # tattoos increase
         candidates.append(_candidate(path, selected, own=False, touched=True, newer=newer, lines=found))
     if not candidates:
         raise RefusedError(
@@ -172,7 +171,7 @@ def lines_to_apply(
 
 
 def other_paths(image: Gimp.Image, seams: Sequence[dict[str, Any]]) -> list[Gimp.Path]:
-    """Return the paths of an image that belong to no stitched group and have a line: a click of the path tool
+    """Return the paths of an image that belong to no stitched group and have a line; a click of the path tool
     leaves a path without one.
     """
     own = {seam["path"] for seam in seams}
@@ -191,7 +190,7 @@ def _candidate(path: Gimp.Path, selected: set[int], **about: Any) -> choosing.Ca
 
 
 def strokes_of(path: Gimp.Path) -> Iterator[tuple[list[float], bool]]:
-    """Control points of each stroke of a path, and whether it is closed."""
+    """Return the control points of each stroke of a path, and whether it is closed."""
     for stroke in path.get_strokes():
         _kind, points, closed = path.stroke_get_points(stroke)
         yield list(points), closed
@@ -207,10 +206,10 @@ def remember(
     answer: Mapping[str, Any],
     hints: Gimp.Layer | None = None,
 ) -> None:
-    """Attach to a stitched group, or to a patch, what Re-stitch needs; it is saved with the file.
+    """Attach the record that Re-stitch needs to a stitched group or a patch; it is saved with the file.
 
-    `about` holds its kind and the options; of the answer it is what shows where, packed, so that what is
-    painted on masks later is known. Without a folder that stays as it was.
+    `about` holds its kind and the options. The answer's label map is attached compressed, so that later
+    changes of masks are known; without a folder the old one stays.
     """
     memory = {
         "version": _PARASITE_VERSION,
@@ -225,7 +224,7 @@ def remember(
     text = json.dumps(memory, separators=(",", ":"))
     group.attach_parasite(Gimp.Parasite.new(PARASITE, KEPT, list(text.encode())))
     if folder is not None:
-        # GIMP's binding takes characters up to 127.
+        # GIMP's binding takes ASCII only.
         packed = base64.b64encode(zlib.compress((folder.path / answer["labels"]["file"]).read_bytes(), 1))
         group.attach_parasite(Gimp.Parasite.new(SHOWN_PARASITE, KEPT, list(packed)))
 
@@ -233,8 +232,8 @@ def remember(
 def sums_of(
     folder: RequestFolder, layers: Sequence[Gimp.Layer], masks: Sequence[dict[str, Any] | None]
 ) -> list[list[int]]:
-    """Return the place of each layer and the checksum of its mask, as it lies in a folder: they say whether
-    somebody has painted on masks.
+    """Return the place of each layer and the checksum of its mask in a folder, which show whether masks were
+    painted.
     """
     return [
         [
@@ -246,7 +245,7 @@ def sums_of(
 
 
 def send_shown(folder: RequestFolder, group: Gimp.Layer, memory: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Write what showed where when the masks were written; None where that is not known."""
+    """Write the label map of the time when the masks were written; None if it is unknown."""
     packed = group.get_parasite(SHOWN_PARASITE)
     if packed is None:
         return None
@@ -255,9 +254,7 @@ def send_shown(folder: RequestFolder, group: Gimp.Layer, memory: Mapping[str, An
 
 
 def stitched_group(image: Gimp.Image, layers: Sequence[Gimp.Layer]) -> tuple[Gimp.Layer, dict[str, Any]]:
-    """Return the stitched group or patch that is meant by the selected layers, and what it remembers; strokes
-    for a group mean it, too.
-    """
+    """Return the stitched group or patch of the selected layers, or of selected strokes, and its record."""
     for layer in layers:
         mark = layer.get_parasite(HINTS_PARASITE)
         item = layer if mark is None else image.get_layer_by_tattoo(int(bytes(mark.get_data())))

@@ -1,9 +1,9 @@
-"""GI-free: the choice of an image's paths to be applied to a seam.
+"""GI-free: the choice of the paths that a seam follows.
 
-A stitched group has one of its own for each seam. Others may lie beside it, drawn by hand or imported from a
-file. A path that is selected in the Paths dialog is meant; without one, the only one that is newer than the
-group's, unless that was bent; else the group's own. Where that leaves a doubt, the user is asked; where
-another path could have been expected, it is told.
+A stitched group has its own path for each seam. There may be others, drawn by hand or imported from a file. A
+path that is selected in the Paths dialog is applied; without a selection, the only one that is newer than the
+group's, unless that was bent; else the group's own. In doubt the user is asked; if another path could have
+been expected, a remark says so.
 """
 
 from __future__ import annotations
@@ -17,36 +17,36 @@ from toposeam_gimp.texts import _
 
 
 class UnclearError(Exception):
-    """Several paths could be meant; the text says what to do."""
+    """Several paths are possible; the text says what to do."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Candidate:
-    """A path that could be meant."""
+    """A path that may be applied."""
 
     name: str
     #: Whether it belongs to the group itself.
     own: bool
     selected: bool
-    #: Whether it is no longer as it was written; only of the group's own.
+    #: Whether it was changed since it was written; for the group's own only.
     touched: bool = False
-    #: Whether it came later than the group's own.
+    #: Whether it is newer than the group's own.
     newer: bool = False
     #: The lines to apply.
     lines: Sequence[Any] = ()
 
 
 class Choice(NamedTuple):
-    """The paths that are meant."""
+    """The paths that are applied to a seam."""
 
-    #: Several only where they are the lines of one drawing.
+    #: Several paths only if they are the lines of one drawing.
     paths: Sequence[Candidate]
-    #: What people should know about it.
+    #: A remark for the user about the choice.
     remark: str | None = None
 
 
 def chosen(candidates: Sequence[Candidate], seam: str) -> Choice:
-    """Return the paths that are meant for a seam, among its own and others that fit it.
+    """Choose the paths of a seam, among its own and others that fit it.
 
     Raises
     ------
@@ -86,24 +86,22 @@ def chosen(candidates: Sequence[Candidate], seam: str) -> Choice:
 
 
 def _drawings(candidates: Sequence[Candidate]) -> int:
-    """Count the drawings whose lines the paths are."""
+    """Count the drawings to which the paths belong."""
     return len({stem(candidate.name) for candidate in candidates})
 
 
 def fits(name: str, seam: str) -> bool:
-    """Test whether a path's name says that it belongs to a seam between two of many layers."""
+    """Test whether a path's name fits a seam between two of many layers."""
     return stem(name) == stem(seam)
 
 
 def is_seam(name: str) -> bool:
-    """Test whether a path is called as `toposeam stitch --seam` calls seams, after whatever files."""
+    """Test whether a path has a name of `toposeam stitch --seam`, for any files."""
     return stem(name) == "seam" or " : " in name
 
 
 def stem(name: str) -> str:
-    """Return a path's name without what GIMP and SVG add to tell copies and the lines of one drawing
-    apart.
-    """
+    """Return a path's name without GIMP's and SVG's suffixes for copies and for the lines of one drawing."""
     return " ".join(re.sub(r"(\s*(#\d+|\(\d+\)|\d+))+$", "", name).split())
 
 

@@ -14,9 +14,9 @@ from toposeam_gimp.engine.folder import FolderError, RequestFolder, is_full, too
 from toposeam_gimp.image.seen import as_seen
 
 _ROWS = 256
-#: Side of what is looked at in small, px.
+#: Longest side of the reduced copy in which opacity is tested, px.
 _LOOK = 512
-#: Side of the tiles in which strokes are sought, px.
+#: Side of the tiles in which strokes are searched, px.
 _TILE = 256
 _BYTES = {"uint8": 1, "uint16": 2, "float32": 4}
 
@@ -40,7 +40,7 @@ class Format(StrEnum):
     MASK_FLOAT = "Y float"
 
 
-#: By the number of channels and their type.
+#: Colour formats by the number of channels and their type.
 _COLOR = {
     (1, "uint8"): Format.GRAY_U8,
     (1, "uint16"): Format.GRAY_U16,
@@ -59,9 +59,7 @@ _MASK = {"uint8": Format.MASK_U8, "float32": Format.MASK_FLOAT}
 
 
 def depth(image: Gimp.Image) -> str:
-    """Return the type pixels travel in: the image's own where that is 8 or 16 bits as in a file, single
-    floats for all else.
-    """
+    """Return the type of the pixels in a request: the image's own 8 or 16 bits, else single floats."""
     exact = {Gimp.Precision.U8_NON_LINEAR: "uint8", Gimp.Precision.U16_NON_LINEAR: "uint16"}
     return exact.get(image.get_precision(), "float32")
 
@@ -73,12 +71,12 @@ def color_format(drawable: Gimp.Drawable, dtype: str, channels: int) -> str:
 
 
 def _channels(layer: Gimp.Layer) -> int:
-    """Return the number of channels of a layer: adding opacity would take babl 300 MiB, for a moment."""
+    """Return the number of channels of a layer. An added opacity would briefly take 300 MiB in babl."""
     return (1 if layer.is_gray() else 3) + int(layer.has_alpha())
 
 
 def size_of(image: Gimp.Image, drawable: Gimp.Drawable) -> int:
-    """Return the bytes a layer takes in a request."""
+    """Return the size of a layer in a request, bytes."""
     channels = 2 if image.get_base_type() == Gimp.ImageBaseType.GRAY else 4
     return int(drawable.get_width() * drawable.get_height() * channels * _BYTES[depth(image)])
 
@@ -87,7 +85,7 @@ Box = tuple[int, int, int, int]
 
 
 def box_of(raster: dict[str, Any]) -> Box:
-    """Left, top, width and height of what a raster covers of the canvas."""
+    """Return the left, top, width and height of a raster on the canvas."""
     return (*raster["at"], raster["width"], raster["height"])
 
 
@@ -100,13 +98,13 @@ def send_layer(
     with_mask: bool = True,
     box: Box | None = None,
 ) -> dict[str, Any] | None:
-    """Write what is seen of a layer, filters included, or what a box of the canvas cuts out of it, and its
-    mask if it is to count, into the folder.
+    """Write the visible pixels of a layer, filters included, or their part within a box of the canvas, and
+    perhaps its mask.
 
     Returns
     -------
     dict or None
-        What describes it in a request; None where box and layer have nothing in common.
+        The description for the request; None if box and layer do not overlap.
     """
     dtype = depth(image)
     with as_seen(image, layer) as seen:
@@ -127,7 +125,7 @@ def send_layer(
 def send_whole(
     folder: RequestFolder, image: Gimp.Image, layer: Gimp.Layer, name: str, *, with_mask: bool = True
 ) -> dict[str, Any]:
-    """Write all of a layer, see :func:`send_layer`."""
+    """Write all pixels of a layer; see :func:`send_layer`."""
     raster = send_layer(folder, image, layer, name, with_mask=with_mask)
     if raster is None:
         raise RuntimeError("a layer has always something in common with itself")
@@ -135,7 +133,7 @@ def send_whole(
 
 
 def common(first: Box, second: Box | None) -> Box | None:
-    """Return the box that two have in common; None where there is none."""
+    """Return the intersection of two boxes; None if it is empty."""
     if second is None:
         return first
     left, top = max(first[0], second[0]), max(first[1], second[1])
@@ -144,7 +142,7 @@ def common(first: Box, second: Box | None) -> Box | None:
 
 
 def send_mask(folder: RequestFolder, layer: Gimp.Layer, name: str) -> dict[str, Any] | None:
-    """Write where a layer shows; None without a mask."""
+    """Write the mask of a layer; None without one."""
     mask = layer.get_mask()
     return mask and _send(
         folder,
@@ -165,12 +163,12 @@ def send_channel(folder: RequestFolder, channel: Gimp.Channel, name: str) -> dic
 
 
 def send_avoided(folder: RequestFolder, channel: Gimp.Drawable | None) -> dict[str, Any] | None:
-    """Write the channel or mask that seams keep away from, if there is one."""
+    """Write the channel or mask of pixels that seams avoid, if there is one."""
     return None if channel is None else send_channel(folder, channel, "avoid")
 
 
 def shows(layer: Gimp.Layer, box: Box | None = None) -> bool:
-    """Test whether a layer is anywhere not transparent, at all or within a box, looked at in small."""
+    """Test whether a layer is not wholly transparent, anywhere or within a box, in a reduced copy."""
     left, top = place_of(layer)
     part = common((left, top, layer.get_width(), layer.get_height()), box)
     if part is None:
@@ -183,8 +181,8 @@ def shows(layer: Gimp.Layer, box: Box | None = None) -> bool:
 
 
 def send_strokes(folder: RequestFolder, layer: Gimp.Layer, name: str) -> dict[str, Any] | None:
-    """Write colours and opacity of a layer with strokes, 8 bits, with the place of what there is; None if
-    that is nothing.
+    """Write colours and opacity of a layer's strokes, 8 bits, and the place of their box; None if there are
+    none.
     """
     box = _painted(layer)
     if box is None:
@@ -195,7 +193,7 @@ def send_strokes(folder: RequestFolder, layer: Gimp.Layer, name: str) -> dict[st
 
 
 def _painted(layer: Gimp.Layer) -> Box | None:
-    """Return a box of the layer's own pixels that holds all that is not transparent black; None without
+    """Return a box, in the layer's own pixels, of all pixels that are not transparent black; None without
     any.
     """
     buffer, whole = layer.get_buffer(), (0, 0, layer.get_width(), layer.get_height())
@@ -214,7 +212,7 @@ def _painted(layer: Gimp.Layer) -> Box | None:
 
 
 def receive_strokes(folder: RequestFolder, layer: Gimp.Layer, raster: dict[str, Any]) -> None:
-    """Write a raster of colours and opacity into an inserted layer that holds its place."""
+    """Write a raster of colours and opacity into an inserted layer that covers its place."""
     left, top = place_of(layer)
     x, y = raster["at"]
     box = Gegl.Rectangle.new(x - left, y - top, raster["width"], raster["height"])
@@ -248,9 +246,7 @@ def send_selection(folder: RequestFolder, image: Gimp.Image) -> dict[str, Any] |
 
 
 def send_selection_on(folder: RequestFolder, image: Gimp.Image, box: Box) -> dict[str, Any] | None:
-    """Write what is selected within a box, which may reach over the canvas's edge; None if that is
-    nothing.
-    """
+    """Write the selection within a box, which may extend beyond the canvas; None if it is empty."""
     _nothing, _something, left, top, right, bottom = Gimp.Selection.bounds(image)
     if common(box, (left, top, right - left, bottom - top)) is None:
         return None
@@ -266,8 +262,8 @@ def send_reduced(
     scale: float,
     box: Box | None = None,
 ) -> dict[str, Any]:
-    """Write what is seen of a layer, or what a box of the canvas cuts out of it, at a reduced size, in 8
-    bits; or, of a selection, a mask or a channel, as much as lies on the box.
+    """Write the visible pixels of a layer, or their part within a box of the canvas, at a reduced size, in 8
+    bits; or the part of a selection, a mask or a channel within the box.
     """
     if not isinstance(drawable, Gimp.Layer):
         raster = _send_reduced(
@@ -309,7 +305,7 @@ def _send_reduced(
 
 
 def is_rectangle(image: Gimp.Image, box: Box) -> bool:
-    """Test whether everything within a box of the canvas is selected, for the most part."""
+    """Test whether a box of the canvas is selected nearly completely."""
     x, y, width, height = box
     buffer = image.get_selection().get_buffer()
     for row in range(0, height, _ROWS):
@@ -359,7 +355,7 @@ def receive(folder: RequestFolder, raster: dict[str, Any], drawable: Gimp.Drawab
     Raises
     ------
     ValueError
-        When the file is not as large as the result says.
+        When the file's size is not that of the result.
     """
     width, height = raster["width"], raster["height"]
     stride = width * raster["channels"] * _BYTES[raster["dtype"]]
@@ -381,7 +377,7 @@ def receive(folder: RequestFolder, raster: dict[str, Any], drawable: Gimp.Drawab
 
 
 def new_layer(image: Gimp.Image, name: str, raster: dict[str, Any]) -> Gimp.Layer:
-    """Return an empty layer of a raster's size, not inserted yet."""
+    """Return an empty layer of a raster's size, which is not inserted yet."""
     kind = (
         Gimp.ImageType.GRAYA_IMAGE
         if image.get_base_type() == Gimp.ImageBaseType.GRAY
@@ -400,8 +396,8 @@ def receive_colors(folder: RequestFolder, layer: Gimp.Layer, raster: dict[str, A
 def replaced(
     folder: RequestFolder, image: Gimp.Image, layer: Gimp.Layer, raster: dict[str, Any]
 ) -> Gimp.Layer:
-    """Return the layer with new pixels; a group, a text, or a layer of another size becomes an ordinary layer
-    in its place.
+    """Give a layer new pixels and return it. A group, a text, or a layer of another size is replaced by an
+    ordinary layer.
     """
     fresh = layer
     resized = (raster["width"], raster["height"]) != (layer.get_width(), layer.get_height())
@@ -415,7 +411,7 @@ def replaced(
 
 
 def new_mask(folder: RequestFolder, raster: dict[str, Any], layer: Gimp.Layer) -> Gimp.LayerMask:
-    """Return a mask for a layer, filled, not attached yet (attaching it is what undo takes back)."""
+    """Return a filled mask for a layer, which is not attached yet, so that undo reverts attaching it."""
     mask = layer.create_mask(Gimp.AddMaskType.WHITE)
     receive(folder, raster, mask, _MASK[raster["dtype"]].value)
     return mask

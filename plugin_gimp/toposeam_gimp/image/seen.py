@@ -1,4 +1,4 @@
-"""Layers as they are seen: with their filters, which GIMP 3 keeps apart from the pixels."""
+"""Visible pixels of layers: with their filters, which GIMP 3 keeps apart from the pixels."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from gi.repository import Gegl, Gimp
 
 @contextmanager
 def as_seen(image: Gimp.Image, layer: Gimp.Layer) -> Iterator[Gimp.Layer]:
-    """Yield the layer itself, or where it has filters a copy with these merged, outside of the image. Mask,
-    mode and opacity do not count.
+    """Yield the layer itself, or if it has filters a copy with these merged, outside of the image. Mask, mode
+    and opacity are not applied.
     """
     if not _filters(layer):
         yield layer
@@ -30,8 +30,8 @@ def as_seen(image: Gimp.Image, layer: Gimp.Layer) -> Iterator[Gimp.Layer]:
 
 
 def plain_copy(image: Gimp.Image, layer: Gimp.Layer, parent: Gimp.Layer | None, position: int) -> Gimp.Layer:
-    """Make a visible copy of what is seen of a layer, put into the image: with transparency, in Normal mode
-    and opaque, its mask applied and its filters merged, nothing locked.
+    """Insert a visible copy of a layer into the image: with an alpha channel, in Normal mode and opaque, with
+    its mask applied and its filters merged, nothing locked.
     """
     with as_seen(image, layer) as seen:
         copy = layer.copy() if seen is layer else Gimp.Layer.new_from_drawable(seen, image)

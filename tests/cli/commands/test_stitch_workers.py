@@ -17,6 +17,7 @@ from toposeam.layers.search import options as search_options
 from toposeam_cli.files.scratch import scratch
 from toposeam_cli.files.writing import OutputError
 from toposeam_cli.jobs import crew as crews
+from toposeam_cli.jobs import workers
 from toposeam_cli.jobs.crew import WorkersDiedError, crew, processes_of
 from toposeam_cli.media.pictures.picture import Picture, write_picture
 from toposeam_cli.stitching import inputs as placing
@@ -103,7 +104,7 @@ def test_everything_that_can_be_asked_is_done_by_workers(
 
 
 def test_small_pictures_take_one_process(six, toposeam, monkeypatch):
-    monkeypatch.setattr(crews, "worker_processes", lambda *_: pytest.fail("processes were started"))
+    monkeypatch.setattr(workers, "worker_processes", lambda *_: pytest.fail("processes were started"))
     assert toposeam(*WORDS, "-o", "out.tif", "-j", 2, "-q").code == 0
 
 

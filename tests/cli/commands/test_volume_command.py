@@ -515,10 +515,10 @@ def test_as_many_voxels_as_are_allowed_are_read(tmp_path):
 
 def test_whatever_a_reader_raises_is_one_short_sentence(tmp_path):
     from toposeam.errors import ImageError
-    from toposeam_cli.media.stacks.parts import damage_told
+    from toposeam_cli.media.stacks.parts import damage_reported
 
     for error in (MemoryError(), OptionError("it is told already")):
-        with pytest.raises(type(error)) as caught, damage_told(tmp_path / "s.tif"):
+        with pytest.raises(type(error)) as caught, damage_reported(tmp_path / "s.tif"):
             raise error
         assert caught.value is error
     for error, reason in (
@@ -527,5 +527,5 @@ def test_whatever_a_reader_raises_is_one_short_sentence(tmp_path):
         (ValueError("x" * 300), "x" * 120),
     ):
         told = rf"s\.tif cannot be read as a stack \({reason}\): it is damaged"
-        with pytest.raises(ImageError, match=told), damage_told(tmp_path / "s.tif"):
+        with pytest.raises(ImageError, match=told), damage_reported(tmp_path / "s.tif"):
             raise error

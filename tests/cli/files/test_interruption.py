@@ -206,7 +206,6 @@ class AtStep:
 
     WHERE = (
         "files/writing.py",
-        "files/prepared.py",
         "files/temporary.py",
         "jobs/workers.py",
         "contextlib.py",

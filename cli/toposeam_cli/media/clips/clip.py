@@ -1,4 +1,4 @@
-"""A clip in memory, and the one rate at which its frames follow each other."""
+"""A clip in memory: frames at an even rate."""
 
 from __future__ import annotations
 
@@ -11,10 +11,9 @@ import numpy.typing as npt
 
 from toposeam.errors import ImageError
 
-#: Frames a second where nothing says it: of folders of frames.
+#: Rate of clips that do not state it, which are folders of frames, frames per second.
 DEFAULT_RATE = Fraction(25)
-#: Frames whose times differ from an even rate by more than this share of a frame do not follow it; formats
-#: round to 1 or 10 ms.
+#: Tolerance of times at an even rate, as a share of a frame's duration: formats round to 1 or 10 ms.
 _UNEVEN = 0.5
 
 Frames = npt.NDArray[np.unsignedinteger]
@@ -26,7 +25,7 @@ class Clip:
 
     #: (T, H, W) gray or (T, H, W, C) RGB or RGBA, uint8 or uint16.
     frames: Frames
-    #: Frames a second.
+    #: Frames per second.
     rate: Fraction
     #: Whether it had sound, which is not read.
     sound: bool = False
@@ -51,21 +50,21 @@ def evenly(
     ----------
     frames : list of arrays
     starts : list of Fraction
-        When each is shown, in s, rising.
+        Times at which the frames are shown, s, increasing.
     last : Fraction
-        How long the last one is shown.
+        Duration of the last frame, s.
     rate : Fraction, optional
-        Frames a second to take, each the one that is shown at that moment; otherwise they must be even.
+        Frames per second to take, each the one shown at its time; without it the frames must be even.
     name : str
-        Of the file, for error texts.
+        Name of the file, for error texts.
     max_pixels : int
-        Of all frames that are taken.
+        Limit for all frames that are taken, in pixels.
 
     Raises
     ------
     ImageError
-        When frames differ in size, or their times are uneven and no rate is given; when a rate takes too
-        many.
+        When frames differ in size, when their times are uneven and no rate is given, or when a rate takes too
+        many frames.
     """
     shapes = {frame.shape[1::-1] for frame in frames}
     if len(shapes) > 1:
@@ -91,7 +90,7 @@ def evenly(
 
 
 def check_pixels(name: str, count: int, shape: tuple[int, ...], max_pixels: int) -> None:
-    """Refuse more frames of a shape than are allowed.
+    """Refuse frames with too many pixels together.
 
     Raises
     ------

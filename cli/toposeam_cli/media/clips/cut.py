@@ -1,4 +1,4 @@
-"""A part of a clip, at a smaller size: what is read of it."""
+"""A cut of a clip: the part that is read, perhaps at a smaller size."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from toposeam.errors import ImageError
 
 @dataclass(frozen=True, slots=True)
 class Duration:
-    """Frames, or seconds."""
+    """A duration in frames or in seconds."""
 
     value: float
     seconds: bool
@@ -24,13 +24,13 @@ class Duration:
         return round(self.value * rate) if self.seconds else int(self.value)
 
     def reached(self, frame: int, second: Fraction) -> bool:
-        """Test whether a frame, which is shown from a second on, lies there or behind."""
+        """Test whether a frame, which is shown from `second` on, comes at this duration or later."""
         return second >= Fraction(self.value).limit_denominator(1000) if self.seconds else frame >= self.value
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cut:
-    """What is read of a clip; by default all of it.
+    """The part of a clip that is read; by default all of it.
 
     Examples
     --------
@@ -39,23 +39,23 @@ class Cut:
     [False, False, True, True, True, False, False]
     """
 
-    #: Where it begins, and before what it ends.
+    #: Its first frame, and the first one after it.
     first: Duration | None = None
     last: Duration | None = None
-    #: By what its sides are multiplied, in (0, 1].
+    #: Factor of its sides, in (0, 1].
     scale: float = 1.0
 
     def wants(self, frame: int, second: Fraction) -> bool:
-        """Test whether a frame is read, which is shown from a second on."""
+        """Test whether a frame is read that is shown from `second` on."""
         begun = self.first is None or self.first.reached(frame, second)
         return begun and not self.ended(frame, second)
 
     def ended(self, frame: int, second: Fraction) -> bool:
-        """Test whether no frame from there on is read."""
+        """Test whether neither this frame nor any later one is read."""
         return self.last is not None and self.last.reached(frame, second)
 
     def count(self, frames: int, rate: Fraction | None) -> int:
-        """Compute about how many of some frames are read."""
+        """Estimate the number of frames that are read of a clip."""
         if rate is None or rate <= 0:
             return frames
         begin = 0 if self.first is None else self.first.frames(rate)
@@ -63,7 +63,7 @@ class Cut:
         return max(end - begin, 0)
 
     def shape(self, height: int, width: int) -> tuple[int, int]:
-        """Compute the height and width of what is read."""
+        """Compute the height and width of the frames that are read."""
         if self.scale == 1:
             return height, width
         return max(round(height * self.scale), 1), max(round(width * self.scale), 1)

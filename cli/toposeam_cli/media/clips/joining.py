@@ -14,7 +14,7 @@ from toposeam_cli.media.clips.clip import Clip
 from toposeam_cli.media.clips.reading import read_clip
 from toposeam_cli.media.clips.writing import check_clip_output, folder_for, write_clip
 
-#: How far a frame counts against a pixel, as for loops.
+#: Distance between frames relative to that between pixels, as for loops: (t, y, x).
 _SPACING = (0.7, 1.0, 1.0)
 
 
@@ -25,7 +25,7 @@ class ClipJob:
     first: Path
     second: Path
     output: Path
-    #: When and where the second begins in the first: frames, px to the right, px down.
+    #: Offset of the second clip in the first: frames, px to the right, px down.
     offset: tuple[int, int, int]
     law: ts.typing.Law | None
     max_pixels: int
@@ -33,12 +33,12 @@ class ClipJob:
 
 
 def join_clips(job: ClipJob, progress: Callable[[float], None] | None = None) -> str:
-    """Join two clips and write the result; a line on what was made.
+    """Join two clips and write the result; return a line about it.
 
     Raises
     ------
     ImageError
-        When a clip cannot be read, or the two have other rates.
+        When a clip cannot be read, or the clips differ in rate.
     OptionError, OverlapError
         When the output cannot be written, or the clips do not overlap.
     """

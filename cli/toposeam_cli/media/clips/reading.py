@@ -19,16 +19,16 @@ from toposeam_cli.media.pictures.picture import read_picture
 
 #: Pictures that may hold several frames, read by Pillow.
 ANIMATED = (".gif", ".webp", ".png", ".apng")
-#: What a folder of frames is searched for.
+#: Extensions of the frames in a folder.
 FRAMES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".webp")
-#: What FFmpeg may take a video for: containers that hold it. Playlists (HLS, concat, DASH) name other files.
+#: Formats that FFmpeg may read: containers. Playlists (HLS, concat, DASH) would open other files.
 _CONTAINERS = (
     "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts,mpeg,mpegvideo,flv,asf,ogg,gif,apng,mjpeg,m4v,h264,hevc,"
     "av1,obu,ivf,nut,mxf,dv,rm,wtv,yuv4mpegpipe"
 )
 
-#: What FFmpeg may open: files. It takes ``tcp:x.mp4``, ``http:/x.mp4`` or ``12:30.mp4`` for addresses unless
-#: ``file:`` stands before.
+#: Options that let FFmpeg open files only. Names need ``file:`` before them, as it takes ``tcp:x.mp4``,
+#: ``http:/x.mp4`` or ``12:30.mp4`` for addresses.
 _OPENED = {"format_whitelist": _CONTAINERS, "protocol_whitelist": "file"}
 
 _Frame = npt.NDArray[np.uint8]
@@ -36,7 +36,7 @@ _WHOLE = Cut()
 
 
 class OneFrameError(ImageError):
-    """A picture where a clip was wanted."""
+    """A picture with one frame, where a clip is needed."""
 
 
 def read_clip(path: Path, rate: Fraction | None, max_pixels: int, cut: Cut = _WHOLE) -> Clip:
@@ -46,20 +46,19 @@ def read_clip(path: Path, rate: Fraction | None, max_pixels: int, cut: Cut = _WH
     ----------
     path : Path
     rate : Fraction, optional
-        Frames a second; of clips at another or an uneven rate the frame is taken that is shown at each
-        moment.
+        Frames per second. Of clips at another or an uneven rate the frame shown at each time is taken.
     max_pixels : int
         Frames times width times height above which the clip is refused.
     cut : Cut
-        What is read of it.
+        The part that is read.
 
     Raises
     ------
     OneFrameError
         For a picture that does not move.
     ImageError
-        If there is no such file, or it is no clip, damaged, cut short or too large, or its frames are of
-        unlike size or follow each other unevenly.
+        If there is no such file, or it is no clip, damaged, cut short or too large, or if its frames differ
+        in size or come at an uneven rate.
     MissingPackageError
         For videos, without PyAV.
     """
@@ -106,7 +105,7 @@ def _read_folder(folder: Path, rate: Fraction | None, max_pixels: int, cut: Cut)
 
 
 def _in_order(file: Path) -> list[Any]:
-    """2.png before 10.png."""
+    """Return a key that sorts 2.png before 10.png."""
     return [(1, int(word), "") if word.isdigit() else (0, 0, word) for word in re.split(r"(\d+)", file.name)]
 
 
@@ -139,7 +138,7 @@ def _read_animated(path: Path, rate: Fraction | None, max_pixels: int, cut: Cut)
                     starts.append(at)
                     frames.append(cut.scaled(pixels))
                     check_pixels(str(path), len(frames), frames[0].shape, max_pixels)
-                # How long it is shown is known only now.
+                # Pillow knows a frame's duration only after loading it.
                 shown = Fraction(round(1000 * float(frame.info.get("duration", 0) or 100)), 1_000_000)
                 at += shown
     except Image.DecompressionBombError as error:
@@ -221,7 +220,7 @@ def _read_video(path: Path, rate: Fraction | None, max_pixels: int, cut: Cut) ->
 
 
 def _upright(frame: Any) -> _Frame:
-    """Return the pixels of a frame, turned as the camera was held."""
+    """Return the pixels of a frame, turned upright by the recorded orientation of the camera."""
     pixels: _Frame = frame.to_ndarray(format="rgb24")
     turns = round((getattr(frame, "rotation", 0) or 0) / 90) % 4
     return np.ascontiguousarray(np.rot90(pixels, turns))

@@ -27,8 +27,8 @@ SUFFIXES = (*_VIDEO, *_ANIMATED)
 
 
 def check_clip_output(path: Path, force: bool) -> Path:
-    """Refuse an output that cannot be written, before any work is spent on it: a file by its extension, or a
-    folder for frames, which has none.
+    """Refuse an output that cannot be written, before any work: a file by its extension, or a folder for
+    frames, which has no extension.
 
     Raises
     ------
@@ -49,10 +49,10 @@ def check_clip_output(path: Path, force: bool) -> Path:
 
 
 def write_clip(path: Path, clip: Clip, force: bool = False) -> None:
-    """Write a clip as what its name says.
+    """Write a clip in the format of its name.
 
-    Videos have no transparency, and even sides: an odd last row or column is repeated. GIFs have 256 colours,
-    and whole hundredths of a second. Frames and APNG keep every bit, WebP is written lossless.
+    Videos have no transparency and sides of even length: an odd last row or column is repeated. GIFs have 256
+    colours and times in hundredths of a second. Frames and APNG keep every bit, WebP is written lossless.
 
     Raises
     ------
@@ -73,9 +73,7 @@ def write_clip(path: Path, clip: Clip, force: bool = False) -> None:
 
 @contextmanager
 def folder_for(path: Path) -> Iterator[None]:
-    """Within the block there is the folder that frames are written to; one that is new goes again when the
-    block fails.
-    """
+    """Make the folder of frames for the block; a new one is removed when the block fails."""
     new = not path.suffix and not path.exists()
     if new:
         try:
@@ -109,7 +107,7 @@ def _write_animated(path: Path, clip: Clip, suffix: str) -> None:
 
     pictures = [Image.fromarray(frame) for frame in _eight_bits(clip.frames)]
     shown = 1000 / clip.rate
-    # Rounded so that the whole keeps its length.
+    # Rounded cumulatively, so that the clip keeps its duration.
     unit = 10 if suffix == ".gif" else 1
     ends = [round(shown * (index + 1) / unit) * unit for index in range(len(pictures))]
     durations = [max(unit, last - first) for first, last in zip([0, *ends[:-1]], ends, strict=True)]

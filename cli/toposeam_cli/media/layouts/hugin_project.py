@@ -1,8 +1,8 @@
-"""Hugin's project files (.pto): which pictures, from which cameras, on which panorama.
+"""Hugin's project files (.pto): pictures, their cameras, and the panorama.
 
 Angles are degrees. A camera turns by the yaw y to the right, then by the pitch p upwards, then by the roll r
 clockwise. Fields of view v are horizontal, of the whole width in pixels. The middle of the panorama is 0,0 on
-the canvas; the pixels of a panorama of even size have half numbers there.
+the canvas; pixels of a panorama of even size have half-integer coordinates there.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from toposeam_cli.files.regular import real_path
 from toposeam_cli.files.tables import read_text
 from toposeam_cli.media.layouts.camera_angles import angles_of, turned_camera
 
-#: A quarter of a million control points fit.
+#: Largest project that is read, bytes: a quarter of a million control points fit.
 _LARGEST_BYTES = 16 * 2**20
-#: What follows in a line is ignored.
+#: Characters of a line that are read; the rest is ignored.
 _LONGEST_LINE = 20_000
 _MOST_PICTURES = 1000
 _LONGEST_PX = 10**6
@@ -37,7 +37,7 @@ _PROJECTIONS: dict[Projection, tuple[int, float]] = {
 }
 #: Parameters of the general Panini projection that make it the plain one, to 1/10000.
 _PLAIN_PANINI = "100 0 0"
-#: What a line says: its value where the line does not (NaN: it must), the least and the greatest.
+#: Parameters of a line: default (NaN: it is required), least and greatest value.
 _PANORAMA = {
     **dict.fromkeys("wh", (math.nan, 1, _LONGEST_PX)),
     "f": (2, 0, 999),
@@ -53,7 +53,7 @@ _PICTURE = {
     "Eev": (0, -100, 100),
     **dict.fromkeys(("g", "t", "TrX", "TrY", "TrZ"), (0, -1e9, 1e9)),
 }
-#: What no transform does, if it is not 0.
+#: Parameters that no transform supports unless they are 0, and what they mean of a picture.
 _UNKNOWN = {
     "f": "not flat",
     **dict.fromkeys("gt", "sheared"),
@@ -63,7 +63,7 @@ _REMEDY = "let nona -m TIFF_m warp the pictures, and join them by toposeam enble
 #: A panorama, a picture, or what Hugin notes of a picture.
 _LINE = re.compile(r"^(?:[pi] |#-hugin ).*", re.MULTILINE)
 _TOKEN = re.compile(r'(?:^|\s)([A-Za-z]+)("[^"]*"|\S*)')
-#: What no name in a project can have; surrogates stand for what is not UTF-8.
+#: Characters that no name in a project can have; surrogates stand for bytes that are not UTF-8.
 _UNNAMED = re.compile(r'[\x00-\x1f\x7f"\ud800-\udfff]')
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
 
@@ -76,9 +76,9 @@ class ProjectPicture:
     #: Width and height, px.
     size: tuple[int, int]
     transform: CameraTransform
-    #: EV: one more is half of the light.
+    #: Exposure value: one more is half of the light.
     exposure: float | None = None
-    #: The part that may show, where it is not all.
+    #: The part that may show; None is the whole picture.
     crop: Box | None = None
 
 
@@ -92,26 +92,27 @@ class HuginProject:
     size: tuple[int, int]
     #: px per radian in the middle.
     radius: float
-    #: Its left and right edges are the same line.
+    #: Whether its left and right edges are the same line.
     whole_turn: bool
-    #: The part that is wanted, in px of the panorama.
+    #: The part that Hugin would render, in px of the panorama; None is all of it.
     crop: Box | None
-    #: Names of pictures that do not belong to the panorama, and why.
+    #: Names of pictures that do not belong to the panorama, with the reasons.
     left_out: tuple[tuple[str, str], ...]
 
     @property
     def origin(self) -> tuple[float, float]:
-        """Where the upper left pixel of the panorama lies on the canvas."""
+        """Position of the panorama's upper left pixel on the canvas, px."""
         return (1 - self.size[0]) / 2, (1 - self.size[1]) / 2
 
 
 def read_project(path: Path) -> HuginProject:
-    """Read a project; control points, masks and what is not about geometry are ignored.
+    """Read a project; control points, masks and all parameters but those of geometry and exposure are
+    ignored.
 
     Raises
     ------
     OptionError
-        If it cannot be read or has what no :class:`CameraTransform` does; the text tells where.
+        If it cannot be read or needs what no :class:`CameraTransform` can do; the text names the place.
     """
     lines = _LINE.findall(read_text(path, "a Hugin project", _LARGEST_BYTES).replace("\r", "\n"))
     panorama = next((_tokens(line) for line in lines if line.startswith("p ")), None)
@@ -186,16 +187,17 @@ def project_text(
     Parameters
     ----------
     folder : Path
-        Where it will be.
+        Folder of the project.
     pictures : sequence of ProjectPicture
-        Of their transforms the panorama replaces projection and radius.
+        The pictures; projection and radius of their transforms are replaced by the panorama's.
     projection : str
     size : (int, int)
-        Width and height of the panorama, px; a sphere's width is made even, as Hugin does.
+        Width and height of the panorama, px; that of a sphere is made even, as in Hugin.
     radius : float
-        px per radian in its middle; that of a sphere of odd width grows where the turn is whole.
+        px per radian in its middle. If a sphere of odd width is a whole turn, the radius grows with its
+        width.
     crop : Box, optional
-        The part that is wanted, in px of the panorama.
+        The part that Hugin renders, in px of the panorama.
 
     Raises
     ------
@@ -253,7 +255,7 @@ def project_text(
 
 
 def _tokens(line: str) -> dict[str, str]:
-    """Return the values of a line; the first of each name counts."""
+    """Parse the parameters of a line; of several of one name the first counts."""
     return dict(reversed(_TOKEN.findall(line[1:_LONGEST_LINE])))
 
 
@@ -263,7 +265,7 @@ def _values(
     limits: Mapping[str, tuple[float, float, float]],
     earlier: Sequence[dict[str, float]] = (),
 ) -> dict[str, float]:
-    """Return the numbers of a line, some of which may be linked to earlier pictures.
+    """Return the numbers of a line; some may be links to earlier pictures.
 
     Pictures of a stack have the same j.
     """
@@ -332,7 +334,7 @@ def _transform(
 
 
 def _crop(where: str, entry: dict[str, str], size: tuple[int, int]) -> Box | None:
-    """Return the crop S of a picture or panorama, None where it is all."""
+    """Return the crop S of a picture or panorama, None if there is none."""
     if "S" not in entry:
         return None
     numbers = entry["S"].split(",")
@@ -351,12 +353,12 @@ def _crop_text(crop: Box | None) -> str:
 
 
 def _even(projection: Projection, size: tuple[int, int]) -> tuple[int, int]:
-    """Return a panorama's size as Hugin takes it: spheres have an even width."""
+    """Return a panorama's size in Hugin, where spheres have an even width."""
     return size[0] + (size[0] % 2 if projection == "sphere" else 0), size[1]
 
 
 def _radius(projection: Projection, width: int, turn: float) -> float:
-    """Return px per radian in the middle of a picture that wide, with that field of view."""
+    """Return px per radian in the middle of a picture of that width, px, and field of view, degrees."""
     half = math.radians(turn) / 2
     if projection == "flat":
         return width / 2 / math.tan(half)

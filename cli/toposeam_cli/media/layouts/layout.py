@@ -13,8 +13,8 @@
     turn = 0.53              # degrees clockwise round that corner; then places may have fractions
     scale = 1.002
 
-A layer may be warped instead: by a homography from its pixels to the canvas, or as a camera saw it, which
-then says how wide its focal length and the canvas are, and how the canvas shows directions::
+A layer may be warped instead: by a homography from its pixels to the canvas, or by its camera. The table
+``view`` then says how the canvas shows directions::
 
     [view]
     projection = "cylinder"  # flat, cylinder, sphere, panini
@@ -63,11 +63,11 @@ from toposeam_cli.files.tables import read_table
 from toposeam_cli.media.layouts.camera_angles import angles_of, turned_camera
 
 _KEYS = ("file", "name", "mask", "keep", "visible")
-#: What says where a layer lies: one of these ways.
+#: Keys of a layer's transform, of which a layer has one group: a place, a matrix or a camera.
 _PLACE, _MATRIX = ("at", "turn", "scale"), ("matrix",)
 _CAMERA = ("size", "yaw", "pitch", "roll", "focal", "lens", "shift")
 _VIEW = ("projection", "radius", "wrap", "fov")
-#: As many as an OpenRaster file may have.
+#: Most layers of a layout, as of an OpenRaster file.
 _MOST_LAYERS = 1000
 _FARTHEST_PX = 10**9
 _LARGEST_NUMBER = 1e9
@@ -89,7 +89,7 @@ class Layout:
     """Pictures and where they lie."""
 
     layers: tuple[LayoutLayer, ...]
-    #: Width of a canvas that goes all the way round, px.
+    #: Width of a canvas that is a whole turn, px; else None.
     wrap: int | None = None
 
 
@@ -99,7 +99,7 @@ def read_layout(path: Path) -> Layout:
     Raises
     ------
     OptionError
-        If it cannot be read or says something that makes no sense; the text tells where.
+        If it cannot be read or has an invalid value; the text names the place.
     """
     table, _ = read_table(path, "a layout")
     known = {"layer", "view"}
@@ -123,12 +123,12 @@ def read_layout(path: Path) -> Layout:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _View:
-    """How the canvas shows directions."""
+    """The projection of directions onto the canvas."""
 
     projection: Projection = "flat"
     radius: float = math.nan
     wrap: int | None = None
-    #: Degrees across.
+    #: Horizontal field of view, degrees.
     fov: float | None = None
 
 
@@ -223,7 +223,7 @@ def _homography(where: str, entry: dict[str, Any], _: _View) -> Transform:
     matrix = np.array([_numbers(where, {"matrix": row}, "matrix", 3) for row in rows])
     if not abs(np.linalg.det(matrix)) > 1e-12:
         raise ts.OptionError(f"{where}: matrix has no inverse; write that of a homography")
-    return PlaneTransform(-matrix if matrix[2, 2] < 0 else matrix)  # either is the same homography
+    return PlaneTransform(-matrix if matrix[2, 2] < 0 else matrix)  # both are the same homography
 
 
 def _camera(where: str, entry: dict[str, Any], view: _View) -> Transform:
@@ -257,7 +257,7 @@ def _camera(where: str, entry: dict[str, Any], view: _View) -> Transform:
 def _numbers(
     where: str, entry: dict[str, Any], key: str, count: int, largest: float = _LARGEST_NUMBER
 ) -> list[float]:
-    """Return a list of numbers, zeros where it is not given."""
+    """Return a list of numbers; zeros if the key is missing."""
     values = entry.get(key, [0.0] * count)
     if not isinstance(values, list) or len(values) != count:
         raise ts.OptionError(f"{where}: {key} is {values!r}; write {count} numbers")

@@ -14,22 +14,23 @@ from typing import Any, BinaryIO
 _X_RESOLUTION, _Y_RESOLUTION, _X_POSITION, _Y_POSITION = 282, 283, 286, 287
 _FULL_WIDTH, _FULL_HEIGHT = 33300, 33301
 _WANTED = (_X_RESOLUTION, _Y_RESOLUTION, _X_POSITION, _Y_POSITION, _FULL_WIDTH, _FULL_HEIGHT)
-#: Layers may not lie farther from the origin, px.
+#: Greatest distance of a layer from the origin, px.
 FARTHEST = 2**31 - 1
 
-#: How a file begins that has its numbers' lowest byte first, or last.
+#: Byte order by a file's first two bytes.
 _ORDERS = {b"II": "<", b"MM": ">"}
-#: By version: how the address of the first directory is written, the number of its entries, and an entry with
-#: its tag, its kind, how many values it has, and those values or their address.
+#: Formats by version: of the first directory's address, of its number of entries, and of an entry, which has
+#: a tag, a type, the number of values, and these values or their address.
 _LAYOUTS = {42: ("L", "H", "HHL4s"), 43: ("HHQ", "Q", "HHQ8s")}
-#: A classic directory has no more, and damaged ones of BigTIFF are not believed.
+#: Most tags that are read of a directory: a classic one has no more, and a damaged BigTIFF may claim any
+#: number.
 _MOST_TAGS = 1 << 16
-#: How a value of each kind of number is written: of rational ones numerator and denominator.
+#: Format of a value of each type; rationals are a numerator and a denominator.
 KINDS = {1: "B", 3: "H", 4: "L", 5: "LL", 6: "b", 8: "h", 9: "l", 10: "ll", 11: "f", 12: "d", 16: "Q"}
 
 
 def tiff_place(path: Path) -> tuple[int, int] | None:
-    """(x, y) of the picture's upper left corner in px, however far, or None where the file does not say it.
+    """Return the (x, y) of the picture's upper left corner, px, or None where the file does not state it.
 
     Parameters
     ----------
@@ -47,7 +48,9 @@ def tiff_place(path: Path) -> tuple[int, int] | None:
 
 
 def tiff_canvas(path: Path) -> tuple[int, int] | None:
-    """(width, height) of the whole panorama that the picture is part of, where the file says it."""
+    """Return the (width, height) of the panorama of which the picture is a part, px, or None where the file
+    does not state it.
+    """
     tags = _tags(path)
     if tags is None or _FULL_WIDTH not in tags or _FULL_HEIGHT not in tags:
         return None
@@ -75,7 +78,7 @@ def _tags(path: Path) -> dict[int, Fraction] | None:
                     value = file.read(size)
                 found[tag] = Fraction(*struct.unpack(layout, value[:size]))
     except (OSError, KeyError, ValueError, ZeroDivisionError, OverflowError, struct.error):
-        return None  # the picture's reader reports what is wrong with it
+        return None  # the picture's reader reports the error
     return found
 
 

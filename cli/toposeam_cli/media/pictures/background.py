@@ -13,7 +13,7 @@ from toposeam.images import full_scale
 
 
 def colour_of(text: str) -> tuple[int, int, int]:
-    """Red, green and blue, 0 to 255, of a colour's name or ``#rrggbb``.
+    """Parse a colour's name or ``#rrggbb``; return red, green and blue, 0 to 255.
 
     Raises
     ------
@@ -40,7 +40,7 @@ def on_background(
     image : (H, W) or (H, W, 3) array
     alpha : (H, W) array of its dtype
     colour : (int, int, int)
-        0 to 255; of a gray picture their luma.
+        Red, green and blue, 0 to 255; for a gray picture their luma is taken.
     """
     full = float(full_scale(image.dtype))
     below = np.asarray(colour, np.float32) / 255 * full

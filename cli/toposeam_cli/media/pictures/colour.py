@@ -1,14 +1,14 @@
-"""Bit depths and colour profiles of image arrays, converted so that pictures can be put side by side."""
+"""Conversion of bit depths and colour profiles of image arrays, so that pictures can be joined."""
 
 import numpy as np
 
 from toposeam.errors import ImageError
 from toposeam_cli.media.pictures.libvips import channels, evaluate, load_vips, to_vips, with_profile
 
-#: The depths a picture can have, shallowest first.
+#: The types of a picture's values, shallowest first.
 DEPTHS = (np.dtype(np.uint8), np.dtype(np.uint16), np.dtype(np.float32))
 
-#: Colours are matched relative to the white point, and black to black, as image editors do.
+#: Rendering intent: relative to the white point, with black point compensation, as image editors do.
 INTENT = {"intent": "relative", "black_point_compensation": True}
 
 _EIGHT_BIT_STEP = 257  # of 65535
@@ -37,13 +37,6 @@ def to_depth(values: np.ndarray, dtype: np.dtype) -> np.ndarray:
     if dtype == np.uint16:
         return values.astype(np.uint16) * np.uint16(_EIGHT_BIT_STEP)
     return ((values.astype(np.uint32) + _EIGHT_BIT_STEP // 2) // _EIGHT_BIT_STEP).astype(np.uint8)
-
-
-def fits_profile(icc: bytes | None, n_channels: int) -> bool:
-    """Test whether a profile describes that many channels; its colour space stands at byte 16 (ICC.1:2022,
-    7.2.6).
-    """
-    return icc is not None and icc[16:20] == (b"GRAY" if n_channels == 1 else b"RGB ")
 
 
 def convert_profile(

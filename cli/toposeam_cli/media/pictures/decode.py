@@ -1,9 +1,11 @@
-"""An image file to one array of gray or RGB, upright; every unusable file ends in one sentence."""
+"""Decoding of an image file to one array of gray or RGB, upright. An unusable file is refused in one
+sentence.
+"""
 
 import os
 import re
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
@@ -16,9 +18,8 @@ from toposeam.errors import ImageError
 from toposeam_cli.files.regular import check_pattern
 from toposeam_cli.media.pictures.colour import DEPTHS, INTENT
 from toposeam_cli.media.pictures.libvips import VipsImage, evaluate, load_vips, reason
-from toposeam_cli.media.pictures.pillow_formats import as_png, pillow_size
 
-#: Files of raw data, as cameras write them. libvips would take the small preview in some for the picture.
+#: Extensions of cameras' raw files. In some of them libvips would take the small preview for the picture.
 _RAW = {
     ".3fr",
     ".arw",
@@ -47,16 +48,16 @@ _RAW = {
 }
 _HEIC = {".heic", ".heif", ".hif"}
 
-#: Pixels per mm that mean "not stated": every writer that has to put something puts 72 per inch.
+#: Resolution that means "unknown", px per mm: writers whose format needs one write 72 per inch.
 UNSTATED_RESOLUTION = 72 / 25.4
 
-#: How the entry of EXIF begins that states the horizontal resolution, in either byte order; libvips makes one
-#: up where there is none.
+#: First bytes of EXIF's entry of the horizontal resolution, in either byte order. libvips reports a
+#: resolution also where this is missing.
 _X_RESOLUTION = (b"\x1a\x01\x05\0", b"\x01\x1a\0\x05")
 
 _BLOCKS = ("icc-profile", "exif", "xmp")
 
-#: Strips are of about this many bytes.
+#: Approximate size of a strip, bytes.
 STRIP_BYTES = 1 << 20
 _DTYPES = {
     name: np.dtype(kind)
@@ -74,8 +75,8 @@ _DTYPES = {
     }.items()
 }
 
-#: The XML namespace of a recipe in an XMP packet: it tells how this very picture was made, so that no other
-#: inherits it.
+#: The XML namespace of a recipe in an XMP packet. A recipe describes one picture only, so outputs made from
+#: it do not inherit it.
 RECIPE_NAMESPACE = "urn:x-toposeam:1.0:"
 
 
@@ -85,22 +86,22 @@ class Decoding:
 
     #: Gray or RGB, upright; read from top to bottom.
     image: VipsImage
-    #: The profile of its pixels, not yet compared with its channels.
+    #: The profile of its pixels; it may not fit the channels.
     icc: bytes | None
-    #: Horizontal and vertical, in pixels per mm.
+    #: Horizontal and vertical resolution, px per mm.
     resolution: tuple[float, float] | None
-    #: As :class:`toposeam_cli.media.pictures.picture.Picture` has them.
+    #: Blocks of metadata, as of :class:`toposeam_cli.media.pictures.picture.Picture`.
     exif: bytes | None
     xmp: bytes | None
 
     def values(self) -> np.ndarray:
-        """Return all pixels, once: an (H, W) or (H, W, C) ndarray with the channels that the file has once
-        its colours are gray or RGB, alpha last; of one of the depths a picture can have.
+        """Read all pixels; this works once. Return an (H, W) or (H, W, C) ndarray of gray or RGB, alpha last,
+        of one of the types of `DEPTHS`.
         """
         return _known_depth(evaluate(self.image, self.image.numpy))
 
     def strips(self) -> Iterator[np.ndarray]:
-        """Yield the same, a few rows after the other."""
+        """Yield the same pixels, a few rows at a time."""
         image = self.image
         width, height, bands, dtype = image.width, image.height, image.bands, _DTYPES[image.format]
         rows = max(1, STRIP_BYTES // (width * bands * dtype.itemsize))
@@ -129,7 +130,7 @@ def decoding(path: Path, max_pixels: int) -> Iterator[Decoding]:
         resolution = _resolution(image)
         orientation = image.get("orientation") if "orientation" in image.get_fields() else 1
         if orientation != 1:
-            image = evaluate(image, image.copy_memory).autorot()  # turning needs the last rows first
+            image = evaluate(image, image.copy_memory).autorot()  # a rotation needs the last rows first
         if orientation in (5, 6, 7, 8) and resolution is not None:
             resolution = resolution[::-1]  # turned by 90 degrees
         image = _gray_or_rgb(image)
@@ -148,7 +149,7 @@ def decoding(path: Path, max_pixels: int) -> Iterator[Decoding]:
 
 
 def _opened(path: Path, max_pixels: int) -> VipsImage:
-    """Open a picture, by libvips, or by Pillow what libvips does not know."""
+    """Open a picture by libvips, or by Pillow if libvips does not know its format."""
     vips = load_vips()
     too_large = partial(refuse_large, path, max_pixels=max_pixels)
     reading = {"access": "sequential", "fail_on": "error"}
@@ -156,8 +157,10 @@ def _opened(path: Path, max_pixels: int) -> VipsImage:
         image = vips.Image.new_from_source(vips.Source.new_from_file(os.fsencode(path)), "", **reading)
         too_large(image.width, image.height)
         if "heif-compression" in image.get_fields() and image.get("heif-compression") == "hevc":
-            image = evaluate(image, image.copy_memory)  # only now it shows whether there is a decoder for it
+            image = evaluate(image, image.copy_memory)  # fails here if libvips has no decoder for it
     except vips.Error:
+        from toposeam_cli.media.pictures.pillow_formats import as_png
+
         content = as_png(path, too_large)
         if content is None:
             raise
@@ -166,7 +169,8 @@ def _opened(path: Path, max_pixels: int) -> VipsImage:
 
 
 def refuse_large(path: Path, width: int, height: int, max_pixels: int, raisable: bool = True) -> None:
-    """Refuse a picture with more pixels than that; `raisable` says whether ``--max-megapixels`` allows more.
+    """Refuse a picture with too many pixels. `raisable` says whether ``--max-megapixels`` can raise the
+    limit.
 
     Raises
     ------
@@ -181,7 +185,7 @@ def refuse_large(path: Path, width: int, height: int, max_pixels: int, raisable:
 
 
 def size_of(path: Path) -> tuple[int, int]:
-    """Width and height of the picture in a file, in px, as its header has them.
+    """Read the width and height of the picture in a file, px, from its header.
 
     Raises
     ------
@@ -193,6 +197,8 @@ def size_of(path: Path) -> tuple[int, int]:
     try:
         image = vips.Image.new_from_source(vips.Source.new_from_file(os.fsencode(path)), "")
     except vips.Error as error:
+        from toposeam_cli.media.pictures.pillow_formats import pillow_size
+
         size = pillow_size(path)
         if size is None:
             raise _unreadable(path, error) from error
@@ -200,8 +206,36 @@ def size_of(path: Path) -> tuple[int, int]:
     return image.width, image.height
 
 
+def check_together(paths: Sequence[Path], max_pixels: int) -> None:
+    """Refuse pictures that are too large together, before one of them is decoded.
+
+    Raises
+    ------
+    ImageError
+    """
+    known = {path: size_of(path) for path in dict.fromkeys(paths)}
+    for path, (width, height) in known.items():
+        refuse_large(path, width, height, max_pixels)
+    if len(paths) > 1:
+        refuse_together(len(paths), sum(known[path][0] * known[path][1] for path in paths), max_pixels)
+
+
+def refuse_together(count: int, total: int, max_pixels: int, where: str = "") -> None:
+    """Refuse pictures that have too many pixels together.
+
+    Raises
+    ------
+    ImageError
+    """
+    if total > max_pixels:
+        raise ImageError(
+            f"{where}the {count} pictures have {total / 1e6:.0f} megapixels together, more than the "
+            f"{max_pixels / 1e6:g} allowed; raise --max-megapixels if they are trusted"
+        )
+
+
 def _unreadable(path: Path, error: Exception) -> ImageError:
-    """Compose the sentence about a file that libvips does not read."""
+    """Compose the error for a file that libvips does not read."""
     why = reason(error)
     if path.suffix.lower() in _HEIC:
         return ImageError(
@@ -217,7 +251,7 @@ def _unreadable(path: Path, error: Exception) -> ImageError:
 
 
 def check_input(path: Path) -> None:
-    """Refuse what is no file with something in it, none that may be read, or a camera's raw data.
+    """Refuse a path that is no file or may not be read, an empty file, and a camera's raw file.
 
     Raises
     ------
@@ -250,8 +284,8 @@ def check_input(path: Path) -> None:
 
 
 def _check_pages(path: Path, image: VipsImage) -> None:
-    """Refuse a TIFF file of several pictures: a scan of pages, or a stack. Smaller pages are previews of the
-    first one, and of an animation the first frame is taken.
+    """Refuse a TIFF file of several pictures, as scanned pages or a stack. Smaller pages are allowed, as they
+    are previews of the first. Of an animation the first frame is taken.
     """
     if not image.get("vips-loader").startswith("tiff") or image.get("n-pages") == 1:
         return
@@ -272,7 +306,7 @@ def _resolution(image: VipsImage) -> tuple[float, float] | None:
         and "exif-data" in fields
         and any(tag in image.get("exif-data") for tag in _X_RESOLUTION)
     ):
-        # WebP states it nowhere else, and libvips leaves it there.
+        # WebP states it in EXIF only, and libvips does not read it from there.
         unit_mm = (
             10.0
             if image.get_typeof("exif-ifd0-ResolutionUnit")
@@ -297,14 +331,14 @@ def _resolution(image: VipsImage) -> tuple[float, float] | None:
 
 
 def _xmp(packet: bytes | None) -> bytes | None:
-    """Return an XMP packet for a picture that stands upright, and is not what a recipe of ours made."""
+    """Return an XMP packet without orientation; None for one with a recipe."""
     if packet is None or RECIPE_NAMESPACE.encode() in packet:
         return None
     return re.sub(rb"""(tiff:Orientation\s*(?:=\s*["']|>)\s*)[2-8]""", rb"\g<1>1", packet)
 
 
 def _gray_or_rgb(image: VipsImage) -> VipsImage:
-    """Convert what is neither gray nor RGB; a last band of alpha stays."""
+    """Convert an image that is neither gray nor RGB; a last band of alpha stays."""
     if image.interpretation in ("lab", "labs"):
         return image.colourspace("rgb16")
     if image.interpretation != "cmyk":
@@ -320,5 +354,5 @@ def _known_depth(values: np.ndarray) -> np.ndarray:
         return values
     if np.issubdtype(values.dtype, np.integer):
         values = values / np.iinfo(values.dtype).max
-    with np.errstate(over="ignore"):  # too large for a float is infinite, which Picture refuses
+    with np.errstate(over="ignore"):  # values too large for a float become infinite, which Picture refuses
         return values.astype(np.float32)

@@ -1,4 +1,4 @@
-"""Deep Zoom: a picture as a pyramid of tiles that browsers load where they look."""
+"""Deep Zoom: a picture as a pyramid of tiles, of which browsers load those in view."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from toposeam_cli.files.writing import OutputError, all_or_nothing, check_output
 from toposeam_cli.media.pictures.libvips import evaluate, load_vips, reason
 from toposeam_cli.media.pictures.picture import Keep, Picture, in_eight_bits, vips_image
 
-#: Tiles of opaque pictures.
+#: JPEG quality of the tiles of opaque pictures.
 _QUALITY = 90
-#: Where a tile lies: level, column, row.
+#: Path of a tile: level, column, row.
 _TILE = re.compile(r"\d+/\d+_\d+\.(?:jpe?g|png|webp)")
 
 
@@ -41,7 +41,7 @@ def check_deep_zoom(path: Path, force: bool) -> None:
 
 
 def _foreign(folder: Path) -> str | None:
-    """Find what in a folder of tiles is no tile."""
+    """Return the path of something in a folder of tiles that is no tile, else None."""
     for place, folders, files in os.walk(folder):
         for name in files:
             inside = Path(place, name).relative_to(folder).as_posix()

@@ -1,4 +1,4 @@
-"""What pictures say about the camera: its focal length and exposure, and whether the lens is a fisheye."""
+"""The camera's focal length and exposure from a picture's EXIF, and a test for fisheye lenses."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ _SECONDS, _F_NUMBER, _ISO = 0x829A, 0x829D, 0x8827
 _UNIT_MM = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
 #: Diagonal of film of 24 × 36 mm.
 DIAGONAL_MM = math.hypot(24, 36)
-#: Of the circle that a fisheye draws: shares of the shorter side that are beyond it in each corner, and of
-#: full scale that are black and clearly more.
+#: Limits of the test for a fisheye's circle: side of the squares in the corners, as a share of the shorter
+#: side; most of full scale in the corners, and least in the mean of the middle.
 _CORNER, _BLACK, _LIT = 0.1, 0.04, 0.08
 
 
 def noted(path: Path | None) -> Mapping[int, Any]:
-    """Return what a camera noted in a file, by tags of EXIF; nothing where there is no file."""
+    """Return the values of a camera in a file, by tags of EXIF; an empty mapping without a file."""
     from PIL import Image
 
     if path is None:
@@ -37,14 +37,14 @@ def noted(path: Path | None) -> Mapping[int, Any]:
 
 
 def focal_length(notes: Mapping[int, Any], size: tuple[int, int]) -> float | None:
-    """Return the focal length of the camera of a picture of that width and height, px; None where the notes
-    do not say it.
+    """Return the focal length for a picture of that width and height, px; None where the notes do not state
+    it.
     """
     try:
         if notes.get(_FOCAL_35):
             found = in_pixels(float(notes[_FOCAL_35]), size)
         else:
-            # Pixels of the sensor ÷ mm, of a picture that may have been reduced since.
+            # Sensor's pixels per mm; the picture may have been reduced since.
             per_mm = float(notes[_PLANE_RESOLUTION]) / _UNIT_MM[int(notes.get(_PLANE_UNIT, 2))]
             wide = float(notes.get(_PLANE_WIDTH) or max(size))
             found = float(notes[_FOCAL_MM]) * per_mm * max(size) / max(wide, min(size))
@@ -54,9 +54,7 @@ def focal_length(notes: Mapping[int, Any], size: tuple[int, int]) -> float | Non
 
 
 def exposure(notes: Mapping[int, Any]) -> float | None:
-    """Return the light that a picture was taken with, s × ISO ÷ f-number²; None where the notes do not say
-    it.
-    """
+    """Return the exposure of a picture, s × ISO ÷ f-number²; None where the notes do not state it."""
     try:
         found = float(notes[_SECONDS]) * float(notes[_ISO]) / float(notes[_F_NUMBER]) ** 2
     except Exception:
@@ -65,7 +63,7 @@ def exposure(notes: Mapping[int, Any]) -> float | None:
 
 
 def in_pixels(equivalent: float, size: tuple[int, int]) -> float:
-    """Return px for mm of a camera whose film has 24 × 36 mm."""
+    """Convert a focal length for film of 24 × 36 mm, mm, to px of a picture of that size."""
     return equivalent / DIAGONAL_MM * math.hypot(*size)
 
 
@@ -75,14 +73,15 @@ def equivalent_mm(focal: float, size: tuple[int, int]) -> float:
 
 
 def is_fisheye(pixels: np.ndarray, notes: Mapping[int, Any]) -> bool:
-    """Test whether a picture names a fisheye lens, or shows its circle: black corners round a lit middle.
+    """Test whether a picture's notes name a fisheye lens, or its pixels show the circle of one: black corners
+    round a lit middle.
 
     Parameters
     ----------
     pixels : (H, W) or (H, W, 3) ndarray
         uint8, uint16, or float32 with 1.0 as white.
     notes : mapping from int to object
-        What the camera noted (:func:`noted`).
+        Values of the camera (:func:`noted`).
     """
     if "fisheye" in str(notes.get(_LENS, "")).lower():
         return True

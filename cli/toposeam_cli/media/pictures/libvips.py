@@ -1,4 +1,4 @@
-"""libvips, which decodes and encodes every picture: loaded late, kept quiet, its images made from arrays."""
+"""libvips, which decodes and encodes every picture: its import, its images of arrays, and its errors."""
 
 import functools
 import logging
@@ -11,17 +11,16 @@ import numpy as np
 from toposeam.errors import MissingPackageError
 from toposeam.images import Windows
 from toposeam_cli.files.interruption import interruptible
-from toposeam_cli.media.pictures.tiff_stream import TiffStream
 
 #: A ``pyvips.Image``; pyvips carries no types.
 VipsImage = Any
 
 Value = TypeVar("Value")
 
-#: What may be decoded. Whatever else a libvips has is blocked, so that nobody's file reaches it by its
-#: content: drawings, tables, documents, dumps of libvips' own, all that ImageMagick knows.
+#: Loaders that are allowed. libvips chooses a loader by a file's content, so all others are blocked:
+#: drawings, tables, documents, libvips' own dumps, and all formats of ImageMagick.
 _DECODED = ("Png", "Jpeg", "Tiff", "Webp", "Nsgif", "Heif")
-#: Drawings of our own are rendered from memory; files are read from sources, which this is not.
+#: Loader of our own drawings, from memory; files are read from sources, by other loaders.
 _DRAWN = "SvgBuffer"
 
 _INTERPRETATIONS = {
@@ -39,10 +38,10 @@ def load_vips() -> Any:
     """Import pyvips on first use, which keeps ``toposeam --help`` fast, and keep libvips quiet and its memory
     bounded.
 
-    Worker processes have to be spawned: libvips' threads do not survive a fork, and the child would wait for
+    Worker processes must be spawned: libvips' threads do not survive a fork, and the child would wait for
     them forever.
     """
-    logging.getLogger("pyvips").setLevel(logging.CRITICAL)  # what matters arrives as an exception
+    logging.getLogger("pyvips").setLevel(logging.CRITICAL)  # errors arrive as exceptions
     try:
         import pyvips
     except (ImportError, OSError) as error:
@@ -62,8 +61,8 @@ def channels(pixels: np.ndarray | Windows) -> int:
 
 
 def to_vips(pixels: np.ndarray | Windows) -> VipsImage:
-    """Return a libvips image over the memory of a gray or RGB array, or over one that is read by windows,
-    which may be looked at once, from the top down.
+    """Return a libvips image that shares the memory of a gray or RGB array. Of an array that is read by
+    windows the image can be read once, from the top down.
     """
     if isinstance(pixels, Windows):
         image = _streamed(pixels)
@@ -73,13 +72,15 @@ def to_vips(pixels: np.ndarray | Windows) -> VipsImage:
 
 
 def _streamed(pixels: Windows) -> VipsImage:
-    """Make an image that libvips reads while it writes. On a failure the file ends there for it, which is an
-    error.
+    """Make an image whose windows libvips reads while it writes. A failure ends the stream early, which
+    libvips reports as an error.
     """
+    from toposeam_cli.media.pictures.tiff_stream import TiffStream
+
     stream, source = TiffStream(pixels), load_vips().SourceCustom()
 
     def read(size: int) -> bytes | None:
-        with suppress(Exception):  # the end of the file tells libvips
+        with suppress(Exception):  # libvips reports the early end of the file
             return stream.read(size)
         return None
 
@@ -95,13 +96,20 @@ def with_profile(image: VipsImage, icc: bytes) -> VipsImage:
     return image
 
 
+def fits_profile(icc: bytes | None, n_channels: int) -> bool:
+    """Test whether a profile describes that many channels; its colour space stands at byte 16 (ICC.1:2022,
+    7.2.6).
+    """
+    return icc is not None and icc[16:20] == (b"GRAY" if n_channels == 1 else b"RGB ")
+
+
 def evaluate(image: VipsImage, call: Callable[[], Value]) -> Value:
-    """Return the value of a call that computes the pixels of an image, which Ctrl-C and ``kill`` can end."""
+    """Call a function that computes the pixels of an image, such that Ctrl-C and ``kill`` can end it."""
     return interruptible(call, lambda: image.set_kill(True))
 
 
 def reason(error: Exception) -> str:
-    """Pick the cause from what libvips says: the operating system's, else the first line."""
+    """Return the cause in libvips' error: the operating system's message, else the first line."""
     lines = [line.strip() for line in getattr(error, "detail", "").splitlines() if line.strip()]
     system = [line.removeprefix("system error: ") for line in lines if line.startswith("system error: ")]
     return (system or lines or ["unreadable header"])[0]

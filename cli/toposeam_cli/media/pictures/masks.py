@@ -11,7 +11,7 @@ from toposeam_cli.media.pictures.picture import read_picture
 
 
 def read_white(path: Path, shape: tuple[int, int], of: str, max_pixels: int) -> np.ndarray:
-    """(H, W) bool, True where a mask picture is at least half white (and not transparent).
+    """Read a mask: (H, W) bool, True where the picture is at least half white and not transparent.
 
     Parameters
     ----------
@@ -19,20 +19,19 @@ def read_white(path: Path, shape: tuple[int, int], of: str, max_pixels: int) -> 
     shape : (int, int)
         Height and width it must have.
     of : str
-        What it is the mask of; used in error texts.
+        Name of the masked picture, for error texts.
     max_pixels : int
-        As for :func:`~toposeam_cli.media.pictures.picture.read_picture`.
+        Limit as for :func:`~toposeam_cli.media.pictures.picture.read_picture`.
 
     Raises
     ------
     ImageError
-        When it is not of that shape, or as :func:`~toposeam_cli.media.pictures.picture.read_picture` raises
-        it.
+        When it has another shape, or as :func:`~toposeam_cli.media.pictures.picture.read_picture` raises it.
     """
     size = size_of(path)
     refuse_large(path, *size, max_pixels)
     height, width = shape
-    if sorted(size) == sorted(shape):  # it may lie on its side, which only decoding tells
+    if sorted(size) == sorted(shape):  # it may be rotated, which only decoding shows
         mask = read_picture(path, max_pixels=max_pixels)
         size = mask.pixels.shape[1], mask.pixels.shape[0]
     if size != (width, height):

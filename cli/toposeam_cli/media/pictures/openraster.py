@@ -1,9 +1,9 @@
 """OpenRaster files (``.ora``), which GIMP, Krita and MyPaint read and write: layers in, layers with their
 masks out.
 
-A zip archive of one PNG per layer and a ``stack.xml`` that says where they lie, topmost first (OpenRaster
-0.0.6). What comes from outside is not trusted: nothing is unpacked under a name from the archive, sizes are
-limited before and while something is unpacked, and the XML may neither declare entities nor name a DTD.
+A zip archive of one PNG per layer and a ``stack.xml`` with their places, topmost first (OpenRaster 0.0.6).
+Files are not trusted: nothing is unpacked under a name from the archive, sizes are limited before and during
+unpacking, and the XML may neither declare entities nor name a DTD.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from toposeam.sentence import printable
 from toposeam_cli.files.temporary import private_folder
 from toposeam_cli.files.writing import replacing
 from toposeam_cli.media.pictures.colour import to_depth
+from toposeam_cli.media.pictures.decode import refuse_together
 from toposeam_cli.media.pictures.libvips import channels
-from toposeam_cli.media.pictures.limits import refuse_together
 from toposeam_cli.media.pictures.picture import Picture, encode_png, read_picture
 
-#: Largest stack.xml, and most layers, that are read.
+#: Largest stack.xml, bytes, and most layers that are read.
 LARGEST_STACK_BYTES, MOST_LAYERS = 16 * 2**20, 1000
-#: Compressed bytes cannot honestly hold more than about a thousand times as many.
+#: Greatest ratio of unpacked to compressed bytes; deflate reaches 1032.
 _LARGEST_RATIO = 1100
 _DEEPEST = 64
-#: Most bytes that a layer's picture takes beside its pixels: profile, texts.
+#: Most bytes of a layer's PNG besides its pixels: profile, texts.
 _BESIDE_PIXELS = 2**25
 _PNG = b"\x89PNG\r\n\x1a\n"
 _MIMETYPE = b"image/openraster"
@@ -74,7 +74,7 @@ def read_ora(path: Path, max_pixels: int) -> list[OraLayer]:
     ------
     ImageError
         If there is no such file, or it is no OpenRaster file, damaged or hostile, or uses blend modes, which
-        seams know nothing of.
+        seams do not support.
     """
     try:
         with zipfile.ZipFile(path) as archive, private_folder() as folder:
@@ -251,9 +251,9 @@ def write_ora(
 ) -> None:
     """Write a composite with its layers, so that it can be edited further.
 
-    On top lies one layer per picture, transparent but where it shows; its hidden pixels are still those of
-    the picture, for OpenRaster has no masks and editors bring back what is transparent. Below, in a hidden
-    group, are the pictures as they were.
+    On top is one layer per picture, transparent where it does not show. Transparent pixels keep their
+    colours, so that editors can bring them back, as OpenRaster has no masks. Below, in a hidden group, are
+    the unchanged pictures.
 
     Parameters
     ----------
@@ -262,7 +262,7 @@ def write_ora(
     originals : sequence of Picture
         The layers' pictures, of one depth and profile; floats are rounded to 16 bits.
     layers : sequence of Layer
-        As they were stitched.
+        The layers of the composite.
     force : bool
         Whether an existing file may be replaced.
 

@@ -1,9 +1,9 @@
-"""Pictures read from files, matched and written; beside `decode`, the only place that knows file formats.
+"""Pictures read from files, matched and written. Only this module and `decode` know file formats.
 
-What survives from input to output: 8 and 16 bits per channel and 32-bit float, gray or RGB, alpha, the colour
-profile byte for byte, the resolution, the orientation, which is applied to the pixels, and EXIF and XMP as
-far as libvips has a place for them in the format: no EXIF in TIFF, no blocks above 60 kB in JPEG. The
-thumbnail does not: it shows the source, not what was made of it.
+Outputs keep 8 and 16 bits per channel and 32-bit float, gray or RGB, alpha, the colour profile byte for byte,
+the resolution, the orientation, which is applied to the pixels, and EXIF and XMP as far as libvips writes
+them in the format: no EXIF in TIFF, no blocks above 60 kB in JPEG. The thumbnail is dropped, as it shows the
+source.
 """
 
 import math
@@ -19,30 +19,40 @@ import numpy as np
 from toposeam.errors import ImageError
 from toposeam.images import full_scale
 from toposeam_cli.files.writing import OutputError, check_output, replacing
-from toposeam_cli.media.pictures.colour import DEPTHS, convert_profile, fits_profile, to_depth
-from toposeam_cli.media.pictures.decode import UNSTATED_RESOLUTION, Decoding, decoding
+from toposeam_cli.media.pictures.colour import DEPTHS, convert_profile, to_depth
+from toposeam_cli.media.pictures.decode import (
+    UNSTATED_RESOLUTION,
+    Decoding,
+    decoding,
+    refuse_large,
+    size_of,
+)
 from toposeam_cli.media.pictures.libvips import (
     VipsImage,
     channels,
     evaluate,
+    fits_profile,
     load_vips,
     reason,
     to_vips,
     with_profile,
 )
 
-#: Pictures with more pixels are refused unless the user asks: 500 megapixels are 3 GB as 16-bit RGB.
+#: Largest picture by default, pixels: 3 GB as 16-bit RGB.
 MAX_PIXELS = 500_000_000
+#: Largest picture, in pixels, of which a motif, a palette or a theme is made; no option raises it.
+MAX_MOTIF = 64_000_000
 
-#: A classic TIFF ends at 4 GiB, and what does not compress may grow.
+#: Size of the pixels above which a BigTIFF is written, bytes: a classic TIFF has at most 4 GiB, and
+#: compression may enlarge noise.
 _BIGTIFF_BYTES = 3_500_000_000
 
-#: A JPEG's codes are fitted to it, which saves a tenth of the file, up to this many pixels: all of its
-#: coefficients have to be in memory for that.
+#: Largest JPEG whose Huffman codes are optimized, pixels. That saves a tenth of the file, but needs all
+#: coefficients in memory.
 _CODED_PIXELS = 64_000_000
 
 
-#: What lies so little beyond [0, 1] is rounded to it: half a step of 16 bits.
+#: Tolerance of floats beyond [0, 1], half a step of 16 bits: values within it are clipped without an error.
 _SLACK = 0.5 / 65535
 
 
@@ -55,7 +65,7 @@ class _Format:
     max_side: int = 100_000_000  #: px; libvips' own bound where the format has none.
     has_alpha: bool = True
     has_gray: bool = True
-    options: dict[str, Any] = field(default_factory=dict)  #: Of the saver.
+    options: dict[str, Any] = field(default_factory=dict)  #: Options of the saver.
 
 
 _PNG = _Format(saver="pngsave", depths=DEPTHS[:2], options={"compression": 6, "filter": "all"})
@@ -77,7 +87,7 @@ _WEBP = _Format(
     options={"lossless": True, "exact": True, "effort": 2},
 )
 
-#: How TIFF files may be compressed.
+#: Compressions of TIFF files.
 COMPRESSIONS = ("deflate", "lzw", "none")
 
 _FORMATS = {".png": _PNG, ".tif": _TIFF, ".tiff": _TIFF, ".jpg": _JPEG, ".jpeg": _JPEG, ".webp": _WEBP}
@@ -85,24 +95,23 @@ _FORMATS = {".png": _PNG, ".tif": _TIFF, ".tiff": _TIFF, ".jpg": _JPEG, ".jpeg":
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Picture:
-    """A picture in memory, upright, its alpha apart and not multiplied in.
+    """A picture in memory, upright, with its alpha apart and not premultiplied.
 
     Derive one from another with :func:`dataclasses.replace`, which keeps profile, resolution and metadata.
     """
 
     #: (H, W) gray or (H, W, 3) RGB ndarray: uint8, uint16, or finite float32 with 1.0 as white.
     pixels: np.ndarray
-    #: (H, W) ndarray of the same dtype, from 0 to full scale; None if every pixel is opaque by nature.
+    #: (H, W) ndarray of the same dtype, from 0 to full scale; None if the picture has no alpha.
     alpha: np.ndarray | None = None
     #: The ICC profile of `pixels`; None means sRGB.
     icc: bytes | None = None
     #: (horizontal, vertical) in pixels per mm; None if unknown.
     resolution: tuple[float, float] | None = None
-    #: Blocks of metadata. Of what EXIF says the orientation is ignored, and size and resolution are those of
-    #: the pixels.
+    #: Blocks of metadata. EXIF's orientation is ignored; size and resolution are those of the pixels.
     exif: bytes | None = None
     xmp: bytes | None = None
-    #: The file it came from, for messages.
+    #: The file from which it was read, for messages.
     source: Path | None = None
 
     def __post_init__(self) -> None:
@@ -130,11 +139,12 @@ class Picture:
             )
 
     def covered(self) -> np.ndarray:
-        """(H, W) bool, True where the picture has pixels: alpha above 0."""
+        """Return the (H, W) bool mask of the picture's pixels: alpha above 0."""
         return np.ones(self.pixels.shape[:2], bool) if self.alpha is None else self.alpha > 0
 
 
-#: What becomes of a picture that has to be converted: given that, and what converts it, or some rows of it.
+#: Converts a picture and stores the result. Its arguments are the picture and the conversion, which works on
+#: any of its rows.
 Keep = Callable[[Picture, Callable[[Picture], Picture]], Picture]
 
 
@@ -150,9 +160,9 @@ def read_picture(path: str | Path, max_pixels: int = MAX_PIXELS) -> Picture:
     Parameters
     ----------
     path : str or Path
-        PNG, TIFF, JPEG, WebP, GIF, and what else this libvips decodes.
+        PNG, TIFF, JPEG, WebP, GIF, or another format that this libvips decodes.
     max_pixels : int
-        Width times height above which the file is refused before it is decoded.
+        Largest width times height; larger files are refused before they are decoded.
 
     Returns
     -------
@@ -168,8 +178,19 @@ def read_picture(path: str | Path, max_pixels: int = MAX_PIXELS) -> Picture:
         return _decoded(path, file, file.values())
 
 
+def read_within(path: Path, max_pixels: int) -> Picture:
+    """Read a picture as :func:`read_picture` does, with a limit that no option raises.
+
+    Raises
+    ------
+    ImageError
+    """
+    refuse_large(path, *size_of(path), max_pixels, raisable=False)
+    return read_picture(path, max_pixels)
+
+
 def read_strips(path: Path, max_pixels: int = MAX_PIXELS) -> Iterator[Picture]:
-    """Read a picture as :func:`read_picture` does, a few rows after the other."""
+    """Read a picture as :func:`read_picture` does, a few rows at a time."""
     with decoding(path, max_pixels) as file:
         for values in file.strips():
             yield _decoded(path, file, values)
@@ -190,7 +211,7 @@ def _decoded(path: Path, file: Decoding, values: np.ndarray) -> Picture:
 
 
 def check_size(path: Path, width: int, height: int) -> None:
-    """Refuse, before it is computed, a picture that a file of that extension cannot hold.
+    """Refuse a picture that is too large for the format of that extension, before it is computed.
 
     Raises
     ------
@@ -205,8 +226,7 @@ def check_size(path: Path, width: int, height: int) -> None:
 
 
 def check_values(path: Path, picture: Picture) -> None:
-    """Refuse, before it is computed on, a picture in floating point whose values a file of that extension
-    would clip.
+    """Refuse a picture of floats whose values the format of that extension would clip, before any work.
 
     Raises
     ------
@@ -251,13 +271,13 @@ def write_picture(
     force : bool
         Whether an existing file may be replaced.
     quality : int, optional
-        Of JPEG, 1 to 100; 95 by default.
+        Quality of JPEG, 1 to 100; 95 by default.
     compression : str, optional
-        Of TIFF, one of `COMPRESSIONS`; deflate by default.
+        Compression of TIFF, one of `COMPRESSIONS`; deflate by default.
     pyramid : bool
-        Of TIFF: in tiles, with the picture at half the size, a quarter and so on behind it.
+        Whether a TIFF has tiles and further pages at half the size, a quarter and so on.
     keep : callable, optional
-        What becomes of a picture that the format cannot hold as it is; see :func:`match_pictures`.
+        Converts a picture that the format cannot hold as it is; see :func:`match_pictures`.
 
     Raises
     ------
@@ -279,7 +299,7 @@ def write_picture(
         if pyramid:
             options |= {"pyramid": True, "tile": True, "tile_width": 256, "tile_height": 256}
         options["compression"] = compression or "deflate"
-        # The floating point predictor packs better, but many readers lack it.
+        # The floating point predictor compresses better, but many readers lack it.
         options["predictor"] = "none" if picture.pixels.dtype == np.float32 else "horizontal"
     if kind is _JPEG:
         options["optimize_coding"] = math.prod(picture.pixels.shape[:2]) <= _CODED_PIXELS
@@ -317,10 +337,9 @@ def match_pictures(
     Parameters
     ----------
     pictures : sequence of Picture
-        Of any sizes.
+        Pictures of any sizes.
     keep : callable, optional
-        What becomes of a picture that has to be converted, before the next one is; left out, it is converted
-        in memory.
+        Converts each picture that needs it, one after the other; without it they are converted in memory.
 
     Returns
     -------
@@ -370,7 +389,7 @@ def _split_alpha(path: Path, values: np.ndarray) -> tuple[np.ndarray, np.ndarray
         )
     n_colours = 1 if n_channels < 3 else 3
     pixels = values
-    if n_colours < n_channels:  # one channel after the other, which takes a quarter of the time
+    if n_colours < n_channels:  # channel by channel, in a quarter of the time
         pixels = np.empty((*values.shape[:2], n_colours), values.dtype)
         for channel in range(n_colours):
             pixels[:, :, channel] = values[:, :, channel]
@@ -381,7 +400,7 @@ def _split_alpha(path: Path, values: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 
 def _fit(path: Path, picture: Picture, kind: _Format, keep: Keep | None = None) -> Picture:
-    """Reduce a picture to what the format can hold, or refuse."""
+    """Reduce a picture to the depth and channels of the format, or refuse it."""
     height, width = picture.pixels.shape[:2]
     check_size(path, width, height)
     dtype = picture.pixels.dtype
@@ -400,7 +419,7 @@ def _fit(path: Path, picture: Picture, kind: _Format, keep: Keep | None = None) 
 
 
 def vips_image(picture: Picture) -> VipsImage:
-    """Return the picture as libvips writes it, with its metadata."""
+    """Return the picture as a libvips image with its metadata."""
     image = to_vips(picture.pixels)
     if picture.alpha is not None:
         image = image.bandjoin(to_vips(picture.alpha))
@@ -408,8 +427,8 @@ def vips_image(picture: Picture) -> VipsImage:
     for name, value in (("exif-data", picture.exif), ("xmp-data", picture.xmp)):
         if value:  # libvips cannot write empty ones
             image.set_type(load_vips().GValue.blob_type, name, value)
-    # libvips has read the EXIF block: what it says of the source's size, resolution and orientation is
-    # replaced, its thumbnail removed.
+    # libvips has parsed the EXIF block. Size, resolution and orientation of the source are replaced, its
+    # thumbnail is removed.
     image.set_type(load_vips().GValue.gint_type, "orientation", 1)
     for name in image.get_fields():
         if name == "jpeg-thumbnail-data" or name.startswith("exif-ifd1-"):

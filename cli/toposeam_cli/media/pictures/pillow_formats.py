@@ -1,7 +1,7 @@
-"""Formats that libvips does not know, or not on every machine, as Pillow reads them: BMP, JPEG 2000, AVIF,
-and HEIC where pillow-heif is installed.
+"""Formats that libvips does not know, or not on every machine, read by Pillow: BMP, JPEG 2000, AVIF, and HEIC
+where pillow-heif is installed.
 
-What is read goes on as a PNG in memory, so that all that follows is as for a file that libvips reads.
+The picture is passed on as a PNG in memory, so that it is handled like any file that libvips reads.
 """
 
 from __future__ import annotations
@@ -17,25 +17,25 @@ import numpy as np
 from toposeam.errors import ImageError
 from toposeam_cli.media.pictures.libvips import evaluate, load_vips, to_vips, with_profile
 
-#: As Pillow calls them; nothing else of what it knows is tried.
+#: Pillow's names of the formats; no others are tried.
 _FORMATS = ("BMP", "JPEG2000", "AVIF")
 
 
 def pillow_size(path: Path) -> tuple[int, int] | None:
-    """Return width and height of a picture, as its header has them; None if Pillow does not know it."""
+    """Read the width and height of a picture from its header; None if Pillow does not know the format."""
     with _opened(path) as image:
         return None if image is None else image.size
 
 
 def as_png(path: Path, check: Callable[[int, int], None]) -> bytes | None:
     """Return a picture as PNG with its depth, alpha, profile, orientation and metadata; None if Pillow does
-    not know it.
+    not know the format.
 
     Parameters
     ----------
     path : Path
     check : callable
-        Given width and height before anything is decoded; raises if they are too large.
+        Called with width and height before decoding; raises if they are too large.
 
     Raises
     ------
@@ -48,7 +48,7 @@ def as_png(path: Path, check: Callable[[int, int], None]) -> bytes | None:
         check(*image.size)
         try:
             values = _values(image)
-        except Exception as error:  # Pillow's decoders raise all kinds
+        except Exception as error:  # Pillow's decoders raise errors of all kinds
             why = " ".join(str(error).split()) or "damaged"
             raise ImageError(
                 f"cannot read '{path}' ({why}): it is damaged, or of a kind that Pillow does not read; "
@@ -59,12 +59,12 @@ def as_png(path: Path, check: Callable[[int, int], None]) -> bytes | None:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
-    """Open a picture, its pixels not read yet, within the block; None if neither Pillow nor pillow-heif knows
-    it.
+    """Open a picture for the block, without reading its pixels; yield None if neither Pillow nor pillow-heif
+    knows the format.
     """
     from PIL import Image
 
-    limit, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None  # ours are checked
+    limit, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None  # we check sizes ourselves
     try:
         with warnings.catch_warnings(), ExitStack() as opened:
             warnings.simplefilter("ignore")
@@ -78,7 +78,7 @@ def _opened(path: Path) -> Iterator[Any]:
 
 
 def _heif(path: Path) -> Any:
-    """Open a HEIC file with all its bits, upright; None without pillow-heif, or if it does not know it."""
+    """Open a HEIC file at its full depth, upright; None without pillow-heif, or if it is no HEIC file."""
     try:
         import pillow_heif
 
@@ -101,7 +101,7 @@ def _values(image: Any) -> np.ndarray:
 
 
 def _encoded(values: np.ndarray, info: dict[str, Any]) -> bytes:
-    """Return the bytes of a PNG with metadata, packed little."""
+    """Return the bytes of a PNG with metadata, compressed fast."""
     values = np.atleast_3d(values)
     colours = 1 if values.shape[2] < 3 else 3
     image = to_vips(values[:, :, 0] if colours == 1 else values[:, :, :3])
@@ -114,7 +114,7 @@ def _encoded(values: np.ndarray, info: dict[str, Any]) -> bytes:
     for name, block in (("exif-data", info.get("exif")), ("xmp-data", info.get("xmp"))):
         if block:
             image.set_type(values_of.blob_type, name, block)
-    x, y = (float(value) / 25.4 for value in info.get("dpi", (72, 72)))  # 72 stands for not stated
+    x, y = (float(value) / 25.4 for value in info.get("dpi", (72, 72)))  # 72 means unknown
     image = image.copy(xres=x, yres=y)
     content: bytes = evaluate(image, lambda: image.pngsave_buffer(compression=1))
     return content

@@ -1,4 +1,4 @@
-"""Pixels in files of raw values, read by windows; also while they are still written, from the top down."""
+"""Pixels in files of raw values, read by windows, also while they are still written from the top down."""
 
 from __future__ import annotations
 
@@ -16,31 +16,31 @@ from toposeam.images import Windows
 
 
 class Coming:
-    """The number of rows of a picture that have come."""
+    """The number of rows of a picture that are written so far."""
 
     def __init__(self) -> None:
         self._rows, self._ends = 0, False
         self._changed = Condition()
 
     def up_to(self, rows: int) -> None:
-        """Set the number of rows that are there."""
+        """Set the number of written rows."""
         with self._changed:
             self._rows = rows
             self._changed.notify_all()
 
     def give_up(self) -> None:
-        """Stop: no more rows will come, and reading must end."""
+        """Let all readers fail, as no more rows will be written."""
         with self._changed:
             self._ends = True
             self._changed.notify_all()
 
     def wait(self, rows: int) -> None:
-        """Wait until `rows` rows are there.
+        """Wait until `rows` rows are written.
 
         Raises
         ------
         EOFError
-            When they will not come.
+            When they will not be written.
         """
         with self._changed:
             self._changed.wait_for(lambda: self._ends or self._rows >= rows)
@@ -54,18 +54,18 @@ class Stored(Windows):
     Parameters
     ----------
     paths : sequence of Path
-        From left to right.
+        Files from left to right.
     shape : (int, int, int)
-        Of the files together.
+        (H, W, bands) of the files together.
     dtype : dtype
     bands : (int, int)
         The first band, and the one after the last; a single one makes an (H, W) image.
     part : (int, int, int, int), optional
-        First row and column, and those after the last, where not all of it is meant.
+        A part of the picture: first row and column, and those after the last.
     column : int, optional
-        How many px wide each file is, but for the last; needed where there are several.
+        Width of each file but the last, px; needed for several files.
     coming : Coming, optional
-        Whoever reads rows that are still to come waits for them.
+        The rows that are written so far; readers wait for others.
     """
 
     def __init__(
@@ -93,7 +93,7 @@ class Stored(Windows):
         return [min(self.column, self.file_shape[1] - start) for start in starts]
 
     def lengthen(self) -> None:
-        """Give the files the lengths they will have, which reading any of their rows needs.
+        """Extend the files to their final lengths, so that written rows can be mapped.
 
         Raises
         ------
@@ -123,8 +123,8 @@ class Stored(Windows):
         """Return some rows, and columns of one file."""
         first, stop = self.bands
         band: Any = first if self.ndim == 2 else slice(first, stop)
-        # Mapped for this window only: pages that stay mapped count as memory of the process. NumPy's own maps
-        # look up the whole path each time, which takes longer than reading a small window.
+        # Mapped for this window only, as pages that stay mapped count as memory of the process. NumPy's
+        # memmap resolves the whole path each time, which takes longer than reading a small window.
         with path.open("rb", buffering=0) as file:
             mapped = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
         shape = self.file_shape[0], width, self.file_shape[2]

@@ -1,4 +1,4 @@
-"""Pictures whose pixels lie in a file of raw values, and are read by windows."""
+"""Pictures whose pixels are in a file of raw values and are read by windows."""
 
 from __future__ import annotations
 
@@ -14,20 +14,19 @@ from toposeam.images import full_scale
 from toposeam_cli.files.scratch import Scratch
 from toposeam_cli.media.pictures.libvips import channels
 from toposeam_cli.media.pictures.picture import Picture, read_strips
-from toposeam_cli.media.pictures.raw import Stored
 
-#: Rows that are copied at once.
+#: Rows that are copied at a time.
 _ROWS = 256
 
 
 def read_stored(path: Path, max_pixels: int, file: Path) -> Picture:
-    """Read a picture a few rows at a time into a file that exists; leave out opacity that is full everywhere.
+    """Read a picture a few rows at a time into an existing file, without alpha if it is opaque everywhere.
 
     Raises
     ------
     ImageError
     OSError
-        When there is no space.
+        When the disk is full.
     """
     like, height = None, 0
     with file.open("r+b") as target:
@@ -46,12 +45,13 @@ def read_stored(path: Path, max_pixels: int, file: Path) -> Picture:
 def store(
     picture: Picture, convert: Callable[[Picture], Picture] | None = None, *, scratch: Scratch
 ) -> Picture:
-    """Return the same picture, or what it is converted to by rows, its pixels in a file.
+    """Write the pixels of a picture to a file, converted by rows if `convert` is given; return the picture
+    over it.
 
     Raises
     ------
     OutputError
-        When there is no space.
+        When the disk is full.
     """
     file = scratch.new()
     parts = _parts(picture)
@@ -60,12 +60,12 @@ def store(
 
 
 def stored_at(file: Path, parts: Iterable[Picture]) -> Picture:
-    """Return the picture whose rows come part by part, its pixels in a file that exists.
+    """Write a picture that comes in parts of some rows to an existing file; return the picture over it.
 
     Raises
     ------
     OSError
-        When there is no space.
+        When the disk is full.
     """
     parts, height = iter(parts), 0
     first = next(parts)
@@ -77,18 +77,20 @@ def stored_at(file: Path, parts: Iterable[Picture]) -> Picture:
 
 
 def stored_in(file: Path, picture: Picture) -> Picture:
-    """Return the same picture, its pixels in a file that exists.
+    """Write the pixels of a picture to an existing file; return the picture over it.
 
     Raises
     ------
     OSError
-        When there is no space.
+        When the disk is full.
     """
     return stored_at(file, _parts(picture))
 
 
 def stored_picture(path: Path, like: Picture, height: int, width: int) -> Picture:
     """Return the picture in a file that holds its colours and, if it has any, its opacity behind them."""
+    from toposeam_cli.media.pictures.raw import Stored
+
     count = 1 if like.pixels.ndim == 2 else 3
     shape, dtype = (height, width, count + (like.alpha is not None)), like.pixels.dtype
     pixels = Stored([path], shape, dtype, (0, count))
@@ -97,8 +99,8 @@ def stored_picture(path: Path, like: Picture, height: int, width: int) -> Pictur
 
 
 def _add_opacity(target: BinaryIO, picture: Picture) -> None:
-    """Rewrite the file of an opaque picture in place with its opacity, and go on behind it. The last rows
-    come first: what is written lies behind what is still to be read.
+    """Rewrite the file of an opaque picture in place with an opacity, and leave the file's position at its
+    end. The last rows are moved first, so that no row is overwritten before it is read.
     """
     (height, width), dtype = picture.pixels.shape[:2], picture.pixels.dtype
     line = width * (channels(picture.pixels) + 1) * dtype.itemsize

@@ -1,4 +1,4 @@
-"""A virtual TIFF file, made strip by strip while libvips reads it, of pixels in files or still to come."""
+"""A virtual TIFF file whose strips are made while libvips reads it, from pixels that may come later."""
 
 from __future__ import annotations
 
@@ -12,16 +12,17 @@ from toposeam_cli.media.layouts.tiff_place import KINDS
 
 #: Rows of a strip.
 _ROWS = 16
-#: Of the kinds of numbers, those written here.
+#: The types of TIFF values that are written here.
 _SHORT, _LONG, _LONG8 = 3, 4, 16
-#: What `SampleFormat` calls values that are no whole numbers, and `PhotometricInterpretation` gray and RGB.
+#: Values of `SampleFormat` for floats, and of `PhotometricInterpretation` for gray and RGB.
 _FLOAT, _GRAY, _RGB = 3, 1, 2
-#: Bytes of BigTIFF's own beginning, of an entry of its directory, and of what stands around those.
+#: Sizes of BigTIFF's header, of an entry of its directory, and of the count and link around the entries,
+#: bytes.
 _BEGINS, _ENTRY, _AROUND = 16, 20, 16
 
 
 class TiffStream(io.RawIOBase):
-    """The bytes of an uncompressed BigTIFF file of an image, which is read a strip at a time.
+    """A stream of the bytes of an uncompressed BigTIFF file; its image is read a strip at a time.
 
     Parameters
     ----------
@@ -61,12 +62,12 @@ class TiffStream(io.RawIOBase):
         return self._at
 
     def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
-        """Go to a byte: of the file, from here, or from its end."""
+        """Go to a byte, counted from the start of the file, from here, or from its end."""
         self._at = max(0, offset + (0, self._at, self._size)[whence])
         return self._at
 
     def readinto(self, buffer: Any) -> int:
-        """Fill a buffer as far as the file goes; how many bytes that are."""
+        """Fill a buffer as far as the file goes; return the number of bytes."""
         buffer, filled = memoryview(buffer).cast("B"), 0
         while filled < len(buffer) and self._at < self._size:
             if self._at < len(self._head):
@@ -81,7 +82,7 @@ class TiffStream(io.RawIOBase):
         return filled
 
     def _bytes(self, number: int) -> bytes:
-        """Return a strip, kept until another one is asked for."""
+        """Return the bytes of a strip, which are kept until another strip is read."""
         if self._kept[0] != number:
             height, width = self._pixels.shape[:2]
             rows = slice(number * _ROWS, min((number + 1) * _ROWS, height))
@@ -91,7 +92,7 @@ class TiffStream(io.RawIOBase):
 
 
 def _head(pixels: Windows, line: int) -> bytes:
-    """Build all that stands before the pixels, of `line` bytes a row: header, directory, long values."""
+    """Build the bytes before the pixels: header, directory and long values. A row has `line` bytes."""
     height, width = pixels.shape[:2]
     bands = math.prod(pixels.shape[2:])
     starts = range(0, height, _ROWS)
@@ -114,10 +115,10 @@ def _head(pixels: Windows, line: int) -> bytes:
     tags[273] = _LONG8, [begin + start for start in tags[273][1]]
     entries, behind = [], []
     for tag, (kind, values) in tags.items():
-        told = struct.pack(f"<{len(values)}{KINDS[kind]}", *values)
-        if len(told) > 8:
-            behind.append(told)
-            told, at = struct.pack("<Q", at), at + len(told)
-        entries.append(struct.pack("<HHQ8s", tag, kind, len(values), told))
+        packed = struct.pack(f"<{len(values)}{KINDS[kind]}", *values)
+        if len(packed) > 8:
+            behind.append(packed)
+            packed, at = struct.pack("<Q", at), at + len(packed)
+        entries.append(struct.pack("<HHQ8s", tag, kind, len(values), packed))
     first = struct.pack("<2sHHHQ", b"II", 43, 8, 0, _BEGINS)
     return b"".join([first, struct.pack("<Q", len(tags)), *entries, bytes(8), *behind])

@@ -1,4 +1,4 @@
-"""Voxels in files: read part by part, and each failure to read one a sentence."""
+"""Voxels in files: read part by part, with one sentence for each failure."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from toposeam.errors import ImageError, MissingPackageError, TopoSeamError
 
 
 def needs(package: str, path: Path) -> Any:
-    """Return an optional package.
+    """Import an optional package.
 
     Raises
     ------
@@ -32,8 +32,8 @@ def needs(package: str, path: Path) -> Any:
 
 
 @contextmanager
-def damage_told(path: Path) -> Iterator[None]:
-    """Report whatever a reader raises on a damaged file as one sentence.
+def damage_reported(path: Path) -> Iterator[None]:
+    """Turn any error of a reader on a damaged file into one sentence.
 
     Raises
     ------
@@ -43,7 +43,7 @@ def damage_told(path: Path) -> Iterator[None]:
         yield
     except (TopoSeamError, MemoryError):
         raise
-    except Exception as error:  # readers raise whatever they stumble on
+    except Exception as error:  # readers raise errors of all kinds
         reason = " ".join(str(error).split())[:120] or type(error).__name__
         raise ImageError(
             f"{path} cannot be read as a stack ({reason}): it is damaged or cut short; copy or save it again"
@@ -51,7 +51,7 @@ def damage_told(path: Path) -> Iterator[None]:
 
 
 def check_voxels(path: Path, shape: Sequence[Any], most: float) -> None:
-    """Refuse a stack of too many voxels, before anything is made for them.
+    """Refuse a stack of too many voxels, before memory is allocated.
 
     Raises
     ------
@@ -65,9 +65,7 @@ def check_voxels(path: Path, shape: Sequence[Any], most: float) -> None:
 
 
 class Mapped:
-    """An array in a file, mapped anew for every part that is read: parts that were read do not stay in
-    memory.
-    """
+    """An array in a file, mapped anew for every part that is read, so that parts do not stay in memory."""
 
     def __init__(self, path: Path, opened: Callable[[], np.ndarray]) -> None:
         voxels = opened()
@@ -75,18 +73,18 @@ class Mapped:
         self._path, self._opened = path, opened
 
     def __getitem__(self, key: Any) -> np.ndarray:
-        with damage_told(self._path):
+        with damage_reported(self._path):
             return np.array(self._opened()[key])
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
         return np.asarray(self[...], dtype)
 
     def squeeze(self, axes: tuple[int, ...]) -> Mapped:
-        """Return the same without axes of length 1."""
+        """Return the array without axes of length 1."""
         return Mapped(self._path, lambda: self._opened().squeeze(axes))
 
     def transpose(self, order: list[int]) -> Mapped:
-        """Return the same with its axes in another order."""
+        """Return the array with its axes in another order."""
         return Mapped(self._path, lambda: self._opened().transpose(order))
 
 
@@ -96,7 +94,7 @@ def ordered(voxels: Any, axes: str, kept: list[str], path: Path) -> Any:
     Raises
     ------
     ImageError
-        Of further axes.
+        For further axes.
     """
     singles = tuple(place for place, axis in enumerate(axes) if axis not in kept)
     voxels = voxels.squeeze(singles) if singles else voxels

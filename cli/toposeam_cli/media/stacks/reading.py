@@ -7,17 +7,17 @@ from pathlib import Path
 import numpy as np
 
 from toposeam.errors import ImageError
-from toposeam_cli.media.stacks.parts import Mapped, check_voxels, damage_told
+from toposeam_cli.media.stacks.parts import Mapped, check_voxels, damage_reported
 from toposeam_cli.media.stacks.stack import Stack
 from toposeam_cli.media.stacks.tiff import read_tiff
 from toposeam_cli.media.stacks.zarr_folder import read_zarr
 
-#: Voxels that a stack may have unless something else is said.
+#: Most voxels of a stack by default.
 MOST_VOXELS = 10_000_000_000
 
 
 def read_stack(path: Path, most: float = MOST_VOXELS) -> Stack:
-    """Open a stack of at most so many voxels, channels counted.
+    """Open a stack of at most `most` voxels, each channel counted.
 
     Raises
     ------
@@ -49,7 +49,7 @@ def _read_npy(path: Path, most: float) -> Stack:
             raise ImageError(
                 f"{path} is a NumPy archive (.npz) of several arrays; save the one that is meant"
             )
-    with damage_told(path):
+    with damage_reported(path):
         voxels = Mapped(path, opened)
         check_voxels(path, voxels.shape, most)
     return Stack(voxels=voxels, source=path)

@@ -1,4 +1,4 @@
-"""A stack, read when it is wanted, and the size of its voxels."""
+"""A stack, whose voxels are read when they are needed, and the size of a voxel."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 from toposeam.errors import ImageError
 
-#: Voxel sizes that differ by no more than this share are one.
+#: Relative tolerance within which voxel sizes are equal.
 _SAME = 1e-3
 #: Files of stacks, by their last extensions.
 SUFFIXES = (".tif", ".tiff", ".npy", ".zarr")
@@ -17,13 +17,13 @@ SUFFIXES = (".tif", ".tiff", ".npy", ".zarr")
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Stack:
-    """Voxels in a file, and how large they are."""
+    """Voxels in a file, and their size."""
 
-    #: (D, H, W) or (D, H, W, C) array: one that is read from the file part by part, or a dask array.
+    #: (D, H, W) or (D, H, W, C) array that is read part by part, or a dask array.
     voxels: Any
     #: Depth, height and width of a voxel; None if unknown.
     spacing: tuple[float, float, float] | None = None
-    #: What `spacing` is measured in.
+    #: Unit of `spacing`.
     unit: str = "µm"
     source: Path
 

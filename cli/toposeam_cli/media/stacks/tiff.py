@@ -16,33 +16,33 @@ import numpy as np
 
 from toposeam.errors import ImageError
 from toposeam_cli.files.regular import real_path
-from toposeam_cli.media.stacks.parts import Mapped, check_voxels, damage_told, needs, ordered
+from toposeam_cli.media.stacks.parts import Mapped, check_voxels, damage_reported, needs, ordered
 from toposeam_cli.media.stacks.stack import Stack
 from toposeam_cli.media.stacks.unpacking import unpacks_within
 
 #: Micrometres per unit, as OME and ImageJ write them.
 _UNITS = {"µm": 1.0, "um": 1.0, "micron": 1.0, "microns": 1.0, "nm": 1e-3, "mm": 1e3}
-#: More slices, or pieces of a slice's compressed pixels, than any stack has.
+#: Most slices, and most compressed pieces of a slice.
 _MOST_SLICES = 1_000_000
-#: Kinds of TIFF whose readers open other files that these name, without our looking at the names.
+#: Options that turn off the readers of kinds of TIFF that open other files by names that we cannot check.
 _WITH_OTHERS = {"is_mmstack": False, "is_ndtiff": False}
-#: Compressions whose unpacked size is not bounded by how they work, by TIFF's numbers.
+#: Compressions of unbounded ratio, by TIFF's numbers.
 _METHODS = {8: "zlib", 32946: "zlib", 34925: "lzma", 34926: "zstd", 50000: "zstd"}
-#: So many slices are read at a time.
+#: Slices that are read at a time.
 _SLICES = 16
-#: Beyond what a piece should hold, in bytes; some writers fill up the last one.
+#: Tolerance of a piece's unpacked size, bytes; some writers pad the last piece.
 _SLACK = 1 << 16
 
 
 def read_tiff(path: Path, most: float) -> Stack:
-    """Open a stack of at most so many voxels.
+    """Open a stack of at most `most` voxels.
 
     Raises
     ------
     ImageError
     """
     tifffile = needs("tifffile", path)
-    with damage_told(path):
+    with damage_reported(path):
         with _errors_of(tifffile.logger()) as errors, tifffile.TiffFile(path, **_WITH_OTHERS) as file:
             if file.is_ome and file.ome_metadata:
                 _check_ome(path, file.ome_metadata, most)
@@ -65,8 +65,8 @@ def read_tiff(path: Path, most: float) -> Stack:
 
 @contextmanager
 def _errors_of(logger: logging.Logger) -> Iterator[list[str]]:
-    """Collect what a reader logs as errors, instead of printing it; it goes on with what it can read,
-    warnings are of no consequence.
+    """Collect a reader's logged errors instead of printing them, since it continues after them; warnings are
+    dropped.
     """
     found: list[str] = []
 
@@ -83,8 +83,7 @@ def _errors_of(logger: logging.Logger) -> Iterator[list[str]]:
 
 
 def _check_ome(path: Path, text: str, most: float) -> None:
-    """Refuse what OME's description says before it is believed: more slices than a stack has, and files that
-    are not beside this one.
+    """Check OME's description: refuse too many slices, and files that are not in the same folder.
 
     Raises
     ------
@@ -141,16 +140,16 @@ def _check_slices(path: Path, series: Any) -> None:
 
 
 def _lazy(path: Path, series: Any) -> Any:
-    """Return slices, each read when it is wanted, as a dask array."""
+    """Return the slices as a dask array, which reads each when it is needed."""
     array, delayed = needs("dask.array", path), needs("dask", path).delayed
     pages, keyframe = list(series.pages), series.keyframe
     shape, dtype = keyframe.shape, series.dtype
     piece = math.prod(keyframe.chunks) * dtype.itemsize + _SLACK
     method = _METHODS.get(int(keyframe.compression), "")
-    lock = threading.Lock()  # a file has one place where it is read
+    lock = threading.Lock()  # a file has one read position
 
     def read(first: int, last: int) -> Any:
-        with damage_told(path), lock, ExitStack() as opened:
+        with damage_reported(path), lock, ExitStack() as opened:
             found = np.empty((last - first, *shape), dtype)
             for index, page in enumerate(pages[first:last]):
                 handle = page.parent.filehandle
@@ -179,7 +178,7 @@ def _closing(handle: Any) -> Iterator[None]:
 
 
 def _check_pieces(path: Path, page: Any, method: str, most: int) -> None:
-    """Refuse a slice whose pieces unpack to more than they may hold.
+    """Refuse a slice whose pieces unpack to more than their size.
 
     Raises
     ------
@@ -193,7 +192,7 @@ def _check_pieces(path: Path, page: Any, method: str, most: int) -> None:
 
 
 def _spacing(file: Any) -> tuple[tuple[float, float, float] | None, str]:
-    """Read a voxel's size from OME's or ImageJ's description, in µm where possible."""
+    """Read the size of a voxel from OME's or ImageJ's description, in µm where possible."""
     if file.is_ome and file.ome_metadata:
         pixels = next(
             (
@@ -227,7 +226,7 @@ def _ratio(tags: Any, name: str) -> float:
 
 
 def known_spacing(sizes: list[float]) -> tuple[float, float, float] | None:
-    """Return a voxel's depth, height and width, or None where not all are positive numbers."""
+    """Return the depth, height and width of a voxel, or None if one is no positive number."""
     if all(np.isfinite(size) and size > 0 for size in sizes):
         return sizes[0], sizes[1], sizes[2]
     return None

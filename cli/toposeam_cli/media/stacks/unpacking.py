@@ -1,4 +1,4 @@
-"""How much compressed bytes unpack to, found out before they are: two megabytes can hold gigabytes."""
+"""Checks of the unpacked size of compressed bytes before unpacking: two megabytes can hold gigabytes."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import zlib
 from collections.abc import Callable
 from typing import Any
 
-#: Of these, streams are unpacked piece by piece, and the pieces dropped.
+#: Decompressors of methods that are measured by unpacking piece by piece, without keeping the pieces.
 _STREAMS: dict[str, Callable[[], Any]] = {
     "zlib": zlib.decompressobj,
     "gzip": lambda: zlib.decompressobj(wbits=31),
@@ -17,23 +17,23 @@ _STREAMS: dict[str, Callable[[], Any]] = {
     "lzma": lambda: lzma.LZMADecompressor(memlimit=1 << 28),
 }
 _PIECE = 1 << 20
-#: Zstandard's frames begin so, and a block of theirs holds this much at most.
+#: Magic numbers of Zstandard's frames and of skippable ones, and the most bytes of a block.
 _ZSTD_MAGIC, _ZSTD_SKIPPED, _ZSTD_BLOCK = 0xFD2FB528, 0x184D2A50, 1 << 17
-#: A writer that does not fill its blocks wastes up to this share.
+#: Tolerated ratio of the blocks' capacity to the size, for writers that do not fill their blocks.
 _ZSTD_WASTE = 16
 
 
 def unpacks_within(packed: bytes, method: str, most: int) -> bool:
-    """Test whether bytes unpack to no more than `most` bytes, give or take what the method leaves open.
+    """Test whether bytes unpack to at most `most` bytes, as exactly as the method allows.
 
     Parameters
     ----------
     packed : bytes
     method : str
-        ``zlib``, ``gzip``, ``bz2``, ``lzma``, ``zstd``, ``blosc`` or ``lz4`` (as numcodecs writes it).
-        Of others the answer is yes.
+        ``zlib``, ``gzip``, ``bz2``, ``lzma``, ``zstd``, ``blosc`` or ``lz4`` (as numcodecs writes it). Other
+        methods always pass.
     most : int
-        In bytes.
+        Limit, bytes.
 
     Raises
     ------
@@ -68,10 +68,10 @@ def _stream_within(packed: bytes, new: Callable[[], Any], most: int) -> bool:
                 return False
             piece = getattr(stream, "unconsumed_tail", b"")
             if not unpacked and not piece:
-                break  # cut short, which the reader reports
+                break  # truncated; the reader reports it
         packed = stream.unused_data
         if new is not _STREAMS["gzip"]:
-            break  # nothing but gzip goes on after its end
+            break  # only gzip may have further streams
     return True
 
 

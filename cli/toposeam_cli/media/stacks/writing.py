@@ -15,14 +15,14 @@ from toposeam_cli.media.stacks.parts import needs
 from toposeam_cli.media.stacks.stack import SUFFIXES
 from toposeam_cli.media.stacks.zarr_folder import METADATA
 
-#: So many slices are computed at a time.
+#: Slices that are computed at a time.
 _SLICES = 16
-#: ImageJ's own TIFF ends here.
+#: Largest stack that ImageJ's own TIFF holds, bytes.
 _IMAGEJ_BYTES = 4_000_000_000
 
 
 def check_stack_output(path: Path, force: bool) -> Path:
-    """Refuse an output that cannot be written, before any work is spent on it.
+    """Refuse an output that cannot be written, before any work.
 
     Raises
     ------
@@ -51,20 +51,20 @@ def write_stack(
     force: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> None:
-    """Write a stack as what its extension says: ``.ome.tif`` as OME-TIFF, other ``.tif`` as ImageJ reads and
-    writes them, as far as those go; ``.npy``; ``.zarr`` as OME-Zarr.
+    """Write a stack in the format of its extension: ``.ome.tif`` as OME-TIFF, other ``.tif`` as ImageJ's TIFF
+    if it is not too large for it, ``.npy``, or ``.zarr`` as OME-Zarr.
 
     Parameters
     ----------
     path : Path
     voxels : (D, H, W) or (D, H, W, C) array
-        Computed some slices at a time where it is a dask array.
+        Voxels; a dask array is computed some slices at a time.
     spacing : (float, float, float), optional
         Depth, height and width of a voxel in µm; NumPy's format cannot keep it.
     force : bool
         Whether an existing file may be replaced.
     progress : callable, optional
-        Called with the share that is written.
+        Called with the written share, in [0, 1].
 
     Raises
     ------
@@ -114,7 +114,7 @@ def _write_tiff(
 ) -> None:
     tifffile = needs("tifffile", path)
     flat = voxels.ndim == 3
-    # Readers of either kind know no floats of 16 bits.
+    # Readers of neither kind know floats of 16 bits.
     dtype = np.dtype(np.float32) if voxels.dtype == np.float16 else voxels.dtype
     size = int(np.prod(voxels.shape)) * dtype.itemsize
     imagej = not ome and size < _IMAGEJ_BYTES and dtype.str[1:] in ("u1", "u2", "f4")

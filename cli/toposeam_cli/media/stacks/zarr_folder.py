@@ -1,7 +1,7 @@
 """Stacks in zarr folders.
 
-A zarr's metadata says which code unpacks its chunks, and how large it is; both are checked here before zarr
-sees it. What a chunk unpacks to is checked before zarr unpacks it.
+The metadata of a zarr names the code that unpacks its chunks, and their size. Both are checked here before
+zarr reads them, and the unpacked size of each chunk before zarr unpacks it.
 """
 
 from __future__ import annotations
@@ -19,16 +19,17 @@ import numpy as np
 
 from toposeam.errors import ImageError
 from toposeam_cli.files.regular import check_regular_below, real_path
-from toposeam_cli.media.stacks.parts import check_voxels, damage_told, needs, ordered
+from toposeam_cli.media.stacks.parts import check_voxels, damage_reported, needs, ordered
 from toposeam_cli.media.stacks.stack import Stack
 from toposeam_cli.media.stacks.tiff import known_spacing
 from toposeam_cli.media.stacks.unpacking import unpacks_within
 
-#: What a folder has one of that is a zarr.
+#: Files of metadata, of which every zarr has one.
 METADATA = (".zgroup", ".zarray", "zarr.json")
-#: Metadata of more bytes is not looked at.
+#: Largest metadata that is read, bytes.
 _LONGEST = 1 << 24
-#: Codecs that unpack, and those that change values one by one: none of them runs code from a file.
+#: Codecs that are allowed: those that unpack, and those that change values one by one. None runs code from a
+#: file.
 _PACKING = {"blosc", "zlib", "gzip", "zstd", "lz4", "bz2", "lzma"}
 _CHANGING = {
     "adler32",
@@ -44,16 +45,16 @@ _CHANGING = {
     "transpose",
 }
 _DTYPE = re.compile(r"[<>|][biuf][1248]|bool|u?int(8|16|32|64)|float(16|32|64)")
-#: A chunk may hold this many bytes, an array this many chunks.
+#: Largest chunk, bytes, and most chunks of an array.
 _LARGEST_CHUNK, _MOST_CHUNKS = 1 << 32, 1_000_000
-#: Beyond what a chunk's voxels take: filters may make values wider.
+#: Tolerance of a chunk's unpacked size: a factor for filters that make values wider, and bytes.
 _WIDER, _SLACK = 8, 1 << 16
-#: So many voxels are read at a time, or one chunk.
+#: Voxels that are read at a time, unless one chunk is larger.
 _READ = (64, 256, 256)
 
 
 def read_zarr(path: Path, most: float) -> Stack:
-    """Open a stack of at most so many voxels: an array, or the first one of an OME-Zarr, or of a group.
+    """Open a stack of at most `most` voxels: an array, or the first array of an OME-Zarr or a group.
 
     Raises
     ------
@@ -65,7 +66,7 @@ def read_zarr(path: Path, most: float) -> Stack:
         raise ImageError(
             f"{path} is no zarr; give one of the stacks in that folder, or export the stack again"
         )
-    with damage_told(path):
+    with damage_reported(path):
         place, axes, spacing = _place(path)
         layout = _layout(path, place, most)
         node = zarr.open_array(str(place), mode="r", zarr_format=layout.version)
@@ -85,7 +86,7 @@ def read_zarr(path: Path, most: float) -> Stack:
 
 
 def _loaded(file: Path) -> dict[str, Any]:
-    """Return what a file of metadata holds; nothing where there is none."""
+    """Read a file of metadata; an empty mapping if there is none."""
     if not file.is_file():
         return {}
     if file.stat().st_size > _LONGEST:
@@ -97,8 +98,8 @@ def _loaded(file: Path) -> dict[str, Any]:
 
 
 def _place(path: Path) -> tuple[Path, str, tuple[float, float, float] | None]:
-    """Return the folder of a zarr's first array, the names of its axes (empty where unknown), and the size of
-    a voxel.
+    """Return the folder of a zarr's first array, the names of its axes (empty if unknown), and the size of a
+    voxel.
     """
     whole = _loaded(path / "zarr.json")
     if (path / ".zarray").exists() or whole.get("node_type") == "array":
@@ -130,28 +131,28 @@ def _is_array(folder: Path) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class _Layout:
-    """How an array lies in files."""
+    """The layout of an array in files."""
 
     place: Path
     version: int
     shape: tuple[int, ...]
-    #: Of a file, and of what is packed as one within it.
+    #: Shapes of a file, and of the inner chunks that are packed separately in it.
     chunk: tuple[int, ...]
     inner: tuple[int, ...]
-    #: The least bytes that a voxel takes.
+    #: Least bytes of a voxel.
     itemsize: int
-    #: How inner chunks are packed; empty where they are not.
+    #: Compression of inner chunks; empty if there is none.
     method: str
-    #: Before the numbers of a chunk in its file's name, and between them.
+    #: Text before the numbers of a chunk in its file's name, and between them.
     prefix: str
     separator: str
-    #: Of a file with several chunks: whether the table of their places comes first, its bytes of checksum.
+    #: For a file of several chunks: whether its index comes first, and the bytes of the index's checksum.
     index_first: bool = False
     index_sum: int = 0
 
     @property
     def most_bytes(self) -> int:
-        """How many bytes an inner chunk may hold."""
+        """Most bytes of an unpacked inner chunk."""
         return _WIDER * math.prod(self.inner) * self.itemsize + _SLACK
 
 
@@ -216,7 +217,7 @@ def _lengths(given: Sequence[Any], least: int) -> tuple[int, ...]:
 
 
 def _checked_codecs(path: Path, codecs: Sequence[dict[str, Any]], key: str) -> list[str]:
-    """Return the names of codecs, all of which only unpack or change values.
+    """Return the names of codecs; refuse those that are not allowed.
 
     Raises
     ------
@@ -233,14 +234,14 @@ def _checked_codecs(path: Path, codecs: Sequence[dict[str, Any]], key: str) -> l
 
 
 class _Chunks:
-    """An array in a zarr, of which parts are read whose chunks unpack to no more than they may."""
+    """An array in a zarr. Before a part is read, the unpacked size of its chunks is checked."""
 
     def __init__(self, path: Path, node: Any, layout: _Layout) -> None:
         self.shape, self.dtype, self.ndim = layout.shape, node.dtype, len(layout.shape)
         self._path, self._node, self._layout = path, node, layout
 
     def __getitem__(self, key: Any) -> np.ndarray:
-        with damage_told(self._path):
+        with damage_reported(self._path):
             if self._layout.method:
                 for packed in self._packed(key):
                     if not unpacks_within(packed, self._layout.method, self._layout.most_bytes):
@@ -250,7 +251,7 @@ class _Chunks:
             return np.asarray(self._node[key])
 
     def _packed(self, key: Any) -> Iterator[bytes]:
-        """Yield the chunks of a part as they are in files."""
+        """Yield the packed chunks of a part."""
         layout = self._layout
         ranges = [
             range(n)[one : one + 1] if isinstance(one, int) else range(n)[one]
@@ -268,7 +269,7 @@ class _Chunks:
 
 
 def _sharded(content: bytes, layout: _Layout) -> Iterator[bytes]:
-    """Yield the chunks of a file with several."""
+    """Yield the packed chunks of a file of several."""
     count = math.prod(whole // side for whole, side in zip(layout.chunk, layout.inner, strict=True))
     start = 0 if layout.index_first else len(content) - 16 * count - layout.index_sum
     table = np.frombuffer(content, "<u8", 2 * count, start).reshape(-1, 2)

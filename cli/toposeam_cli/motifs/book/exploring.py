@@ -1,4 +1,4 @@
-"""A page of motifs to choose from: click to keep, copy or save the recipe, and go on from there."""
+"""A page of motifs to choose from: a click keeps one; its recipe can be copied or saved."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A pattern book as one static HTML page: the places of ``book.html``, filled."""
+"""A pattern book as one static HTML page: the template ``book.html``, filled in."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def to_html(title: str, rows: Sequence[Row], products: Sequence[tuple[Row, str, 
     rows : sequence of mappings
         As :func:`toposeam_cli.motifs.book.patterns.draw_pattern` returns them.
     products : sequence of (row, product, path)
-        The pattern on each mock-up.
+        The row of the pattern, the product and the picture of each mock-up.
     """
     count = Counter((row["kind"], row["season"]) for row in rows)
     seasons = "".join(f"<th>{season}</th>" for season in SEASONS)
@@ -70,14 +70,14 @@ def _card(row: Row) -> str:
 
 
 def beside(row: Row) -> str:
-    """Return the number of a product's second pattern, to follow that of the first; nothing where there is
-    one.
+    """Return the number of a product's second pattern as an addition to the first's; an empty text for
+    products with one.
     """
     return f" and {row['beside']}" if row.get("beside") else ""
 
 
 def caption(row: Row) -> str:
-    """Return the parameters of a pattern."""
+    """Return the caption of a pattern: its parameters."""
     masses = " ".join(f"{mass:.2f}" for mass in row["mass"])
     spots = " ".join(f"{a}–{b}" for a, b in zip(row["sources"], row["sinks"], strict=True))
     theme = f"{row['theme']}, " if row.get("several") else ""

@@ -1,5 +1,5 @@
-"""The pages' content of a pattern book: one pattern round a theme, and one product, as jobs for worker
-processes.
+"""The content of a pattern book's pages: one pattern round a theme, or one product, as a job of a worker
+process.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from toposeam_cli.motifs.products import draw_product, pattern_px
 from toposeam_cli.motifs.recipe_files import read_recipe
 from toposeam_cli.motifs.themes import read_theme
 
-#: Motifs across and down of a swatch: it repeats by translation whatever the rule.
+#: Motifs across and down of a swatch, so that it repeats by translation for every rule.
 _SWATCH = 2
 
 
-#: What :func:`draw_pattern` returns, and of which kind it is.
+#: Keys of the result of :func:`draw_pattern`, and the types of their values.
 ROW: dict[str, type] = {
     "number": int,
     "theme": str,
@@ -61,7 +61,7 @@ def draw_pattern(
     dpi: float | None = None,
 ) -> dict[str, Any]:
     """Make one pattern: the motif with its recipe, at its size on paper, and a swatch that repeats by
-    translation. Returns what was measured.
+    translation. Return its measurements.
     """
     recipe = book_recipe(_theme(theme), seed, number, size)
     made = ts.generate_motif(recipe)
@@ -72,7 +72,8 @@ def draw_pattern(
     write_picture(
         swatch, Picture(pixels=to_depth(ts.repeat(made, (_SWATCH, _SWATCH)), np.dtype(np.uint8))), force
     )
-    # The theme as the plate had it, in the motif's own cell; hexagonal cells are sheared, and show none.
+    # The theme as on the plate, in the motif's own cell. Hexagonal cells are sheared, so that it is not
+    # measured.
     upright = made.densities.shape[1:] == recipe.size
     base = resample(unpack_base(recipe.base), "none", recipe.size) if upright else None
     character = measure(made.image(), base)
@@ -108,8 +109,8 @@ def draw_on_product(
     edge: str | None = None,
     dpi: float | None = None,
 ) -> None:
-    """Make one mock-up from a motif's recipe, and from a second one's where two are wanted; the first may be
-    simplified (`ts.motif.simplify`).
+    """Make one mock-up from a motif's recipe, and from a second recipe for products of two patterns. The
+    first may be simplified (`ts.motif.simplify`).
     """
     across = pattern_px(product, motif_mm, dpi)
     made, pattern = _sharp(motif, across, inks, edge)
@@ -120,16 +121,14 @@ def draw_on_product(
 
 
 def shown_at(drawn: np.ndarray, dpi: float | None) -> Picture:
-    """Return a mock-up as a picture, with its resolution where one was asked for."""
+    """Return a mock-up as a picture, with its resolution if it is given."""
     return Picture(pixels=drawn, resolution=per_mm(dpi))
 
 
 def _sharp(
     motif: str, across: int, inks: int | None = None, edge: str | None = None
 ) -> tuple[ts.motif.Motif, np.ndarray]:
-    """Return a motif, and a piece of its pattern that repeats by translation, with motifs of that width in
-    px.
-    """
+    """Return a motif and the piece of its pattern that repeats by translation, motifs `across` px wide."""
     made = ts.generate_motif(ts.motif.simplify(read_recipe(Path(motif)), inks=inks, edge=edge))
     height, width = made.densities.shape[1:]
     size = (max(1, round(across * height / width)), across)

@@ -23,25 +23,25 @@ _WIDTH_MM, _HEIGHT_MM, _MARGIN_MM = 210.0, 297.0, 16.0
 _COLUMNS, _ROWS = 4, 5
 _INK, _SOFT = "#2b2926", "#7b756c"
 _PAPER = "#faf8f4"
-#: px per inch of a page, and the quality of its JPEG: text of 5 pt is sharp in print.
+#: Resolution of a page, px per inch, and quality of its JPEG, with which text of 5 pt is sharp in print.
 _DPI, _QUALITY = 300, 90
-#: Fonts that systems have, for titles beyond ASCII.
+#: Common fonts of systems, for titles beyond ASCII.
 _FONTS = (
     *("NotoSansCJK-Regular.ttc", "DejaVuSans.ttf", "NotoSans-Regular.ttf", "arial.ttf", "Arial.ttf"),
     *("malgun.ttf", "AppleSDGothicNeo.ttc"),
 )
-#: px of a mock-up on the page.
+#: Longer side of a mock-up on the page, px.
 _PRODUCT_PX = 700
 
 
 def to_pdf(title: str, folder: Path, rows: Sequence[Row], products: Sequence[tuple[Row, str]]) -> bytes:
-    """Return the book, the same bytes for the same book.
+    """Return the book as PDF, the same bytes for the same book.
 
     Parameters
     ----------
     title : str
     folder : Path
-        Where ``motifs``, ``swatches`` and ``products`` are.
+        The folder of ``motifs``, ``swatches`` and ``products``.
     rows : sequence of mappings
         As :func:`toposeam_cli.motifs.book.patterns.draw_pattern` returns them.
     products : sequence of (row, product)
@@ -111,8 +111,8 @@ class _Page:
 
 
 def _font(text: str, side: float) -> Any:
-    """Pillow's own font, which has ASCII; for other texts one of the system's or matplotlib's, where they
-    are.
+    """Return Pillow's own font, which has ASCII; for other texts one of the system's or matplotlib's, if
+    there is one.
     """
     from PIL import ImageFont
 
@@ -130,7 +130,7 @@ def _px(length_mm: float) -> int:
 
 
 def _swatch(folder: Path, row: Row, shape: tuple[float, float]) -> np.ndarray:
-    """Draw whole motifs down and across of a pattern, two at most."""
+    """Draw at most two whole motifs of a pattern down and across."""
     pixels = read_picture(folder / "swatches" / f"{row['number']:04d}.png").pixels
     side = min(pixels.shape[:2])
     return pixels[: round(side * shape[0] / 2), : round(side * shape[1] / 2)]
@@ -185,7 +185,7 @@ def _products(folder: Path, products: Sequence[tuple[Row, str]]) -> list[_Page]:
 
 
 def _filling(picture: np.ndarray, ratio: float) -> np.ndarray:
-    """Return the picture reduced, and continued with its own ground to a ratio of width to height."""
+    """Return the picture reduced, and padded by its edge pixels to a ratio of width to height."""
     small = (
         load_vips().Image.thumbnail_image(to_vips(picture), _PRODUCT_PX, height=_PRODUCT_PX).numpy()[..., :3]
     )

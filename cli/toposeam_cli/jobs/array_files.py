@@ -1,8 +1,8 @@
-"""Large arrays that processes hand to each other by files, on storage that all of them see.
+"""Files by which processes pass large arrays to each other, on storage that all of them see.
 
-Tables that one worker makes and others look up here and there would cost most of what goes through a
-scheduler. So read-only arrays are written once, into a folder, and their pickles say where:
-unpickling maps the file, and reads no more of it than is used.
+A table that one worker makes and others read in places would be most of the traffic through a scheduler. So
+each read-only array is written once, into a folder, and its pickle holds the file's path: unpickling maps the
+file, and reads only the pages that are used.
 """
 
 from __future__ import annotations
@@ -17,19 +17,20 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-#: Arrays of this many bytes or more go by files, and parts of them of this many.
+#: Least size of an array that goes by a file, and of a part of it, bytes: smaller ones are faster in the
+#: pickle.
 LEAST_BYTES, _LEAST_PART = 1 << 14, 1 << 12
 
 Array = npt.NDArray[Any]
 
 
-class Handing:
-    """Pickles for one folder.
+class ArrayFiles:
+    """Pickles of values whose large arrays lie as files in one folder.
 
     Parameters
     ----------
     folder : Path, optional
-        Without one everything is pickled as usual.
+        Where the files are written; without it every array is pickled as usual.
 
     Examples
     --------
@@ -37,7 +38,7 @@ class Handing:
     >>> table = np.zeros((500, 700))
     >>> table.setflags(write=False)
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     one = Handing(Path(folder))
+    ...     one = ArrayFiles(Path(folder))
     ...     first, second = one.pickled(table), one.pickled(table[100:200])
     ...     len(first) + len(second) < 1000, len(list(Path(folder).iterdir()))
     ...     pickle.loads(second).shape
@@ -47,10 +48,10 @@ class Handing:
 
     def __init__(self, folder: Path | None) -> None:
         self.folder = folder
-        #: Bytes that were written into the folder.
+        #: Bytes written into the folder.
         self.written = 0
-        #: Arrays that lie in a file, by their number in memory.
-        self._lying: dict[int, tuple[weakref.ref[Array], Path]] = {}
+        #: Arrays that have a file, by their identity in memory.
+        self._stored: dict[int, tuple[weakref.ref[Array], Path]] = {}
 
     def pickled(self, value: Any) -> bytes:
         """Pickle a value for any process that sees the folder.
@@ -78,37 +79,37 @@ class Handing:
         if isinstance(owner, np.memmap) and owner.filename is not None:
             path = Path(owner.filename)
         elif self.folder is None or owner.nbytes < array.nbytes or not owner.flags.c_contiguous:
-            return None  # without a folder, or one value seen as many
+            return None  # no folder, or a broadcast view of one value
         else:
             path = self._path(owner, self.folder)
         start = array.__array_interface__["data"][0] - owner.__array_interface__["data"][0]
         return str(path), array.dtype.str, array.shape, array.strides, start
 
     def _path(self, owner: Array, folder: Path) -> Path:
-        known = self._lying.get(id(owner))
+        known = self._stored.get(id(owner))
         if known is not None and known[0]() is owner:
             return known[1]
         path = folder / uuid.uuid4().hex
         path.write_bytes(owner.data)
         self.written += owner.nbytes
         number = id(owner)
-        self._lying[number] = weakref.ref(owner, lambda _: self._lying.pop(number, None)), path
+        self._stored[number] = weakref.ref(owner, lambda _: self._stored.pop(number, None)), path
         return path
 
 
 class _Pickler(pickle.Pickler):
-    def __init__(self, stream: io.BytesIO, handing: Handing) -> None:
+    def __init__(self, stream: io.BytesIO, arrays: ArrayFiles) -> None:
         super().__init__(stream, pickle.HIGHEST_PROTOCOL)
-        self._handing = handing
+        self._arrays = arrays
 
     def reducer_override(self, value: Any) -> Any:
-        """Pickle arrays that lie in files by their place."""
-        place = self._handing.place(value) if isinstance(value, np.ndarray) else None
+        """Pickle an array that has a file as its place there."""
+        place = self._arrays.place(value) if isinstance(value, np.ndarray) else None
         return NotImplemented if place is None else (mapped, place)
 
 
 def mapped(path: str, dtype: str, shape: tuple[int, ...], strides: tuple[int, ...], start: int) -> Array:
-    """Return a read-only array that lies in a file.
+    """Map a read-only array of a file.
 
     Parameters
     ----------
@@ -116,6 +117,6 @@ def mapped(path: str, dtype: str, shape: tuple[int, ...], strides: tuple[int, ..
     dtype : str
     shape, strides : tuple of int
     start : int
-        The byte at which its first value begins.
+        Offset of its first value in the file, bytes.
     """
     return np.ndarray(shape, dtype, np.memmap(path, np.uint8, "r"), start, strides)

@@ -6,8 +6,8 @@ import pickle
 import numpy as np
 import pytest
 
-from toposeam_cli.jobs import handing
-from toposeam_cli.jobs.handing import Handing
+from toposeam_cli.jobs import array_files
+from toposeam_cli.jobs.array_files import ArrayFiles
 
 
 @pytest.fixture
@@ -22,7 +22,7 @@ def copied(pickled):
 
 
 def test_what_is_handed_on_is_the_same_and_is_written_once(tmp_path, table):
-    here = Handing(tmp_path)
+    here = ArrayFiles(tmp_path)
     whole, part, turned = (here.pickled({"a": [value]}) for value in (table, table[50:250, 20:399], table.T))
     assert len(list(tmp_path.iterdir())) == 1
     assert here.written == table.nbytes
@@ -34,7 +34,7 @@ def test_what_is_handed_on_is_the_same_and_is_written_once(tmp_path, table):
 
 
 def test_parts_of_a_few_kilobytes_go_by_the_file_of_the_whole(tmp_path, table):
-    here = Handing(tmp_path)
+    here = ArrayFiles(tmp_path)
     pickled = here.pickled(table[10:30, 20:120])
     assert len(pickled) < 1000
     np.testing.assert_array_equal(copied(pickled), table[10:30, 20:120])
@@ -43,8 +43,8 @@ def test_parts_of_a_few_kilobytes_go_by_the_file_of_the_whole(tmp_path, table):
 
 
 def test_a_memory_mapped_array_is_sent_as_its_place_in_the_file(tmp_path, table):
-    there = copied(Handing(tmp_path).pickled(table))
-    for hands in (Handing(tmp_path), Handing(None)):
+    there = copied(ArrayFiles(tmp_path).pickled(table))
+    for hands in (ArrayFiles(tmp_path), ArrayFiles(None)):
         again = hands.pickled(there[100:, ::2])
         assert hands.written == 0
         assert len(again) < 1000
@@ -52,7 +52,7 @@ def test_a_memory_mapped_array_is_sent_as_its_place_in_the_file(tmp_path, table)
 
 
 def test_what_may_change_or_is_small_is_pickled_as_usual(tmp_path, table):
-    here = Handing(tmp_path)
+    here = ArrayFiles(tmp_path)
     values = [
         table.copy(),
         table.copy()[10:],
@@ -64,12 +64,12 @@ def test_what_may_change_or_is_small_is_pickled_as_usual(tmp_path, table):
     assert not list(tmp_path.iterdir())
     for found, wanted in zip(back, values, strict=True):
         np.testing.assert_array_equal(found, wanted)
-    assert len(pickle.dumps(table)) == pytest.approx(len(Handing(None).pickled(table)), abs=100)
+    assert len(pickle.dumps(table)) == pytest.approx(len(ArrayFiles(None).pickled(table)), abs=100)
 
 
 def test_an_array_in_the_place_of_one_that_is_gone_is_another(tmp_path, monkeypatch):
-    here = Handing(tmp_path)
-    monkeypatch.setattr(handing, "id", lambda _: 7, raising=False)  # as if memory were used again
+    here = ArrayFiles(tmp_path)
+    monkeypatch.setattr(array_files, "id", lambda _: 7, raising=False)  # as if memory were used again
     for value in (1, 2, 3):
         made = np.full((300, 400), value)
         made.setflags(write=False)
@@ -81,4 +81,4 @@ def test_an_array_in_the_place_of_one_that_is_gone_is_another(tmp_path, monkeypa
 
 def test_a_folder_that_is_gone_is_told(tmp_path, table):
     with pytest.raises(FileNotFoundError):
-        Handing(tmp_path / "gone").pickled(table)
+        ArrayFiles(tmp_path / "gone").pickled(table)

@@ -19,7 +19,7 @@ from toposeam.texture import synthesize
 from toposeam.texture.canvas import IndexCanvas, Offers
 from toposeam.texture.exemplar import Atlas
 from toposeam.texture.placement.wave_conflicts import Beside
-from toposeam.texture.repair.mend import Mending
+from toposeam.texture.repair.seam_mending import Mending
 from toposeam.texture.scheduling import Crew, lay_wave
 from toposeam.texture.scheduling.process_pool import FORKS
 from toposeam.texture.scheduling.raster import patches_along

@@ -69,7 +69,7 @@ def lay_wave(
     offered: dict[At, Offers | None] = {}
     places: dict[At, At] = {}
     shown: dict[At, Mask | None] = {}
-    beside, picked, laid = placer.beside(), 0, 0
+    conflicts, picked, laid = placer.wave_conflicts(), 0, 0
     for (method, (at, *_)), found in crew.answers():
         (offered if method == "offers" else shown)[at] = found
         while picked < len(windows) and windows[picked] in offered:
@@ -78,7 +78,7 @@ def lay_wave(
             if offers is None:
                 shown[at] = None
             else:
-                places[at] = placer.pick(at, shape, offers, beside)
+                places[at] = placer.pick(at, shape, offers, conflicts)
                 crew.ask("shows", at, places[at])
             picked += 1
         while laid < picked == len(windows) and windows[laid] in shown:

@@ -24,7 +24,7 @@ _SALIENT = 0.5
 #: Largest weight that saliency gives a pixel before weights are scaled.
 _MOST_WEIGHT = 1.0
 #: Pixels whose squared difference is between `_UNCLEAR` and 1 are clearly neither ground nor object. A
-#: texture is a ground with objects if at most this share of its pixels is unclear: 0.17 are in small mushrooms,
+#: texture is a ground with objects if at most this share of its pixels is unclear: 0.17 in small mushrooms,
 #: 0.26 in weave, wood and grass.
 _UNCLEAR, _UNCLEAR_SHARE = 0.3, 0.2
 #: A salient piece that reaches over this share of the sample along both axes is no object, but mortar.

@@ -87,8 +87,8 @@ class PlaceGrid:
             Rows and columns, px, from each place to where it is sampled.
         """
         rows, columns = (
-            np.minimum((line + off) // block, limit - 1)
-            for line, off, limit in zip(self.axes, offset, values.shape, strict=True)
+            np.minimum((line + shift) // block, limit - 1)
+            for line, shift, limit in zip(self.axes, offset, values.shape, strict=True)
         )
         found: Floats32 = values.take(rows, axis=0).take(columns, axis=1)
         return found

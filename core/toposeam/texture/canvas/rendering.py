@@ -21,8 +21,8 @@ from toposeam.texture.canvas.copy_borders import ROWS, joints
 
 #: Largest distance from a seam, px, within which copies can be mixed.
 MAX_SMOOTH = 8
-#: Mixed normals shorter than this say nothing.
-_SHORTEST = 0.1
+#: Least length of a mixed normal that has a direction; shorter ones are sums of opposite normals.
+_LEAST_NORMAL = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -121,7 +121,7 @@ def render_normals(
         vectors = mixed - half
         length = np.linalg.norm(vectors, axis=1, keepdims=True)
         own = picture.reshape(-1, 3)[at]
-        kept = (length[:, 0] < _SHORTEST * (half or 1.0)) | (mixed == own).all(axis=1)
+        kept = (length[:, 0] < _LEAST_NORMAL * (half or 1.0)) | (mixed == own).all(axis=1)
         unit = _stored(vectors / np.maximum(length, 1e-12) * (half or 1.0) + half, picture.dtype, None)
         picture.reshape(-1, 3)[at] = np.where(kept[:, np.newaxis], own, unit)
     return picture

@@ -29,11 +29,12 @@ from toposeam.texture.canvas.progress import stage
 from toposeam.texture.holes.expectation import expectation
 from toposeam.texture.holes.shift_map_moves import Ground, ShiftMoves
 
-#: Pixels of the region that decides, at the coarsest stride.
-_COARSE = 1500
-#: Where more pixels than this lie near the seams, these stay as a coarser stride has them.
+#: Largest number of pixels at the coarsest stride: there all shifts are tried.
+_COARSEST_PIXELS = 1500
+#: Largest number of pixels near the seams that are decided again at a finer stride; where there are more,
+#: seams stay as the coarser stride has them.
 _MOST_FREE = 150_000
-#: Sweeps over all shifts at the coarsest stride at most, and over those that show at finer ones.
+#: Largest number of sweeps over all shifts at the coarsest stride, and over those that show at finer ones.
 _SWEEPS, _FINE_SWEEPS = 3, 1
 
 
@@ -57,7 +58,7 @@ def shift_map(
         Number of the shift at each pixel; -1 where the picture shows itself, and where nothing is allowed.
     """
     stride = 1
-    while np.count_nonzero(ground.near) / stride**2 > _COARSE:
+    while np.count_nonzero(ground.near) / stride**2 > _COARSEST_PIXELS:
         stride *= 2
     expected, like = expectation(ground.planes, ground.hole, ground.present)
     rows, columns = (np.flatnonzero(ground.near.any(axis=axis)) for axis in (1, 0))

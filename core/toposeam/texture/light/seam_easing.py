@@ -21,15 +21,16 @@ from toposeam.texture.canvas.rendering import Lift
 from toposeam.texture.exemplar.sources import Sources
 from toposeam.texture.light.slow_light import CopyLight, has_slow_light
 
-#: How far a step reaches, px.
+#: Screening length, px: distance over which an eased step dies away.
 _REACH = 12.0
-#: A step, in shares of white, of which half is eased; what is much larger is an edge.
-_EDGE = 0.3
-#: A sample is smooth where periods below `_FINE` px hold at most this share of its variance.
-_FINE, _SHARE = 8, 0.1
-#: Deviation of the blur before gradients are taken, px; fibres have at most this share of the variance across
-#: them along them.
-_GRADIENT, _ALONG = 1.5, 0.05
+#: Step, as a share of white, of which half is eased; much larger ones are edges.
+_HALF_EASED = 0.3
+#: Shorter periods, px, are fine detail, and largest share of its variance that a smooth sample has there.
+_FINE_PERIOD, _MOST_FINE = 8, 0.1
+#: Standard deviation, px, of the blur before gradients are taken.
+_GRADIENT_BLUR = 1.5
+#: Largest variance of gradients along fibres, as a share of that across them.
+_MOST_ALONG = 0.05
 
 #: Whether light is levelled, or steps are eased only.
 Level = bool | Literal["steps"]
@@ -68,7 +69,7 @@ def is_smooth(features: Floats32, usable: Mask) -> bool:
     power = np.square(np.abs(np.fft.fft2((values - values.mean()) * window)))
     power[0, 0] = 0
     frequency = np.hypot(*np.meshgrid(*map(np.fft.fftfreq, usable.shape), indexing="ij"))
-    return bool(power[frequency > 1 / _FINE].sum() <= _SHARE * power.sum())
+    return bool(power[frequency > 1 / _FINE_PERIOD].sum() <= _MOST_FINE * power.sum())
 
 
 def is_fibrous(features: Floats32, usable: Mask) -> bool:
@@ -92,10 +93,10 @@ def is_fibrous(features: Floats32, usable: Mask) -> bool:
     """
     values = _brightness(features, usable)
     down, right = (
-        ndimage.gaussian_filter(values, _GRADIENT, order=order)[usable] for order in ((1, 0), (0, 1))
+        ndimage.gaussian_filter(values, _GRADIENT_BLUR, order=order)[usable] for order in ((1, 0), (0, 1))
     )
     least, most = np.linalg.eigvalsh(np.cov(np.stack([down, right]), bias=True))
-    return bool(most > 0 and least <= _ALONG * most)
+    return bool(most > 0 and least <= _MOST_ALONG * most)
 
 
 def _brightness(features: Floats32, usable: Mask) -> Floats32:
@@ -161,7 +162,7 @@ class EasedLight:
         apart = (after - there) * known[:, :1] + (here - before) * known[:, 1:]
         apart /= np.maximum(known.sum(axis=1, keepdims=True), 1)
         white = (light.high - light.low) or 1.0
-        apart /= 1 + (np.abs(apart).max(axis=1, keepdims=True) / (_EDGE * white)) ** 4
+        apart /= 1 + (np.abs(apart).max(axis=1, keepdims=True) / (_HALF_EASED * white)) ** 4
         result: Floats32 = apart.astype(np.float32, copy=False)
         return result
 

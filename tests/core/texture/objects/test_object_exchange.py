@@ -291,7 +291,7 @@ def test_shared_copies_have_room_for_all_replacements(monkeypatch):
 
     monkeypatch.setattr(IndexCanvas, "share", noted_share)
     monkeypatch.setattr(IndexCanvas, "_grow", noted_grow)
-    monkeypatch.setattr("toposeam.texture.canvas.index_canvas._FIRST", 1)
+    monkeypatch.setattr("toposeam.texture.canvas.index_canvas._FIRST_PATCHES", 1)
     made = ts.synthesize(image, 400, patch=40, seed=3, processes=2)
     assert len(shared) == FORKS
     assert not grown

@@ -59,7 +59,7 @@ class IndexCanvas:
         self.patches = 0
         #: An earlier patch that each patch continues, or itself; all that are joined so are one copy.
         self._copies: Ints32 = np.zeros(_FIRST_PATCHES, np.int32)
-        #: How many pixels of the copy show, by its first patch.
+        #: Number of pixels of each copy that show, by its first patch.
         self._areas: npt.NDArray[np.int64] = np.zeros(_FIRST_PATCHES, np.int64)
 
     def share(self, patches: int) -> None:
@@ -68,7 +68,7 @@ class IndexCanvas:
         Parameters
         ----------
         patches : int
-            How many there will be at most.
+            Largest number of patches that there will be.
         """
         self.index, self.labels, self.usage = map(_shared, (self.index, self.labels, self.usage))
         self._copies, self._areas = _shared(self._copies, patches), _shared(self._areas, patches)

@@ -58,12 +58,12 @@ def render(
     wrap : (bool, bool)
         Whether rows and columns continue at the opposite border.
     smooth : int
-        How many px to either side of a seam are mixed; 0 for none.
+        Width, px, to either side of a seam within which copies are mixed; 0 for none.
     lift : Lift, optional
         The light of the copy that shows at each pixel of a plane of one channel; where copies are mixed, each
         has its own.
     near : sequence of int32 arrays, optional
-        What :func:`near_seams` says, where the same map is drawn several times.
+        Result of :func:`near_seams`, where the same map is drawn several times.
 
     Returns
     -------
@@ -145,7 +145,7 @@ def near_seams(index: Ints32, stride: int, wrap: tuple[bool, bool], smooth: int)
     index, stride, wrap
         As for :func:`toposeam.texture.canvas.copy_borders.joints`.
     smooth : int
-        How far neighbours at seams are mixed, px.
+        Width, px, to either side of a seam within which copies are mixed.
     """
     near = np.zeros(index.shape, bool)
     for first, second, _ in joints(index, stride, wrap):

@@ -59,7 +59,7 @@ class Atlas:
         usable : sequence of (H, W) bool arrays
             One per exemplar: where it has pixels.
         context : int
-            How far, in px, windows will reach beyond their patches.
+            Distance, px, by which windows will reach beyond their patches.
         copied : sequence of (H, W) bool arrays, optional
             Where patches may be copied from, if not everywhere.
         """

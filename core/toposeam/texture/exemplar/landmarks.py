@@ -108,11 +108,11 @@ def add_guard(
     ----------
     guard : (AH * AW,) float32 array
     a, b : (h + 2, w + 2, F) float32 arrays
-        What is there, and the patch.
+        Values of the canvas, and of the patch.
     padded : (h + 2, w + 2) int32 array
-        What is there, flat indices; -1 where nothing is.
+        Flat indices that the canvas shows; -1 where it shows none.
     source : (h, w) int32 array
-        The patch.
+        Flat indices of the patch.
     """
     there = np.full_like(padded, -1)
     there[1:-1, 1:-1] = source

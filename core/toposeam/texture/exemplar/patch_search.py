@@ -44,7 +44,7 @@ class PatchSearch:
     ----------
     atlas : Atlas
     features : (AH, AW, F) float32 array
-        What is compared, 0 where the atlas is not usable.
+        The values that are compared, 0 where the atlas is not usable.
     """
 
     def __init__(self, atlas: Atlas, features: Floats32) -> None:
@@ -150,9 +150,9 @@ class PatchSearch:
         rows, columns : (n,) int array
             Atlas places of the patch's first pixel.
         step : int
-            How far apart the places are, px.
+            Distance between neighbouring places, px.
         sample : Compared
-            Of the window that is looked for.
+            Pixels of the window that is looked for.
         margin, patch
             As for :meth:`fit`.
         """
@@ -193,7 +193,7 @@ class PatchSearch:
         if found is None:
             spectrum = self._spectra(mass[np.newaxis])[0]
             room = self.room(patch)[margin[0] :: self.factor, margin[1] :: self.factor]
-            # What would begin farther down or right lies in a margin, where there is no room.
+            # Places farther down or right lie in a margin, where there is no room.
             rows, columns = (
                 min(grid - length + 1, fits, size)
                 for grid, length, fits, size in zip(

@@ -69,7 +69,7 @@ class Sources:
     has_alpha: bool
     has_normal: bool = False
     transparent: bool = False
-    #: How many of the features are the picture's own.
+    #: Number of features that are the picture's own.
     own_features: int = 0
 
     @property
@@ -158,7 +158,7 @@ def read_sources(
         The value that counts as white (:func:`toposeam.images.as_float`) in the picture, or in the picture,
         each further map and the normals.
     name : str
-        What the caller calls the exemplars, for messages.
+        The caller's name for the exemplars, for messages.
     transparent : bool
         Whether opacity is part of the picture, so that places without any are copied like others.
     features : bool

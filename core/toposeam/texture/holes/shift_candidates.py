@@ -61,7 +61,7 @@ def candidate_shifts(
     hole, missing : (H, W) bool array
         The hole, and all of the picture that has to go.
     count : int
-        How many shifts of the picture's own statistics.
+        Largest number of shifts from the picture's own statistics.
     rng : numpy.random.Generator
 
     Returns

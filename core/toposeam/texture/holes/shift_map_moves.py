@@ -57,10 +57,10 @@ class ShiftMoves:
     box : (slice, slice)
         Rows and columns of the picture where shifts are chosen.
     stride : int
-        How far apart, px, the pixels that stand for all are.
+        Distance, px, between the pixels that stand for all.
     expected, like : (h, w, F + 2), (H, W, F + 2) float32 arrays
-        What the surroundings let expect in the box of what the picture lacks
-        (:func:`toposeam.texture.holes.expectation.gap_box`), and what each pixel is like; the features first.
+        Features expected from the surroundings in the box of the picture's gaps
+        (:func:`toposeam.texture.holes.expectation.gap_box`), and those of each pixel.
     """
 
     def __init__(
@@ -102,7 +102,7 @@ class ShiftMoves:
         self.weight = (np.float32(_DATA_WEIGHT * stride / radius) * self.hole).astype(np.float32)
         self._like = like
         self.label = np.full(self.hole.shape, self.itself, np.intp)
-        #: How far beyond their edges shifts expand; None for anywhere.
+        #: Distance beyond their edges within which shifts expand; None for anywhere.
         self._reach: int | None = None
 
     def _at(self, box: tuple[slice, slice], shape: tuple[int, ...]) -> tuple[npt.NDArray[np.intp], ...]:

@@ -3,7 +3,7 @@ them.
 
 A region of copies keeps the gradients of each copy, takes the mean of both sides' gradients across a seam,
 and has the picture's values where it ends: a Poisson equation (Pérez et al. 2003,
-doi:10.1145/882262.882269). What it adds to the copies is smooth within each of them, so detail stays. Where
+doi:10.1145/882262.882269). Its correction is smooth within each of the copies, so detail stays. Where
 two copies differ by more than light does, nothing is levelled across their seam: it is an edge, and its
 difference would bleed into both.
 """
@@ -83,8 +83,7 @@ def membrane(values: Floats32, region: Mask) -> Floats32:
 def levelled(
     plane: npt.NDArray[Any], usable: Mask, index: Ints32, region: Mask, white: float = 1.0
 ) -> Floats32:
-    """Compute what has to be added to the copies in a region so that they fit each other and what surrounds
-    them.
+    """Compute the correction of the copies in a region by which they fit each other and their surroundings.
 
     Parameters
     ----------
@@ -93,9 +92,9 @@ def levelled(
     usable : (AH, AW) bool array
         Where it has a value.
     index : (H, W) int32 array
-        Flat index into the plane of what shows at each pixel.
+        Flat index into the plane of the pixel that shows.
     region : (H, W) bool array
-        What may change.
+        Pixels that may change.
     white : float
         The range of the picture's values.
 
@@ -150,7 +149,7 @@ def _poisson(values: Floats32, region: Mask, steps: Steps) -> Floats32:
     Parameters
     ----------
     values : (H, W, F) array
-        What stands outside of the region.
+        Values outside of the region.
     region : (H, W) bool array
     steps : list of two pairs
         The wanted step from each pixel to its right, and to its lower neighbour, and its weight.

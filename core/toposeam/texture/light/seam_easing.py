@@ -1,9 +1,10 @@
 """Steps that levelling leaves at seams, eased into the copies on both sides.
 
-What is added to the copies solves a screened Poisson equation: across a seam it has the step that makes the
-picture's gradient the mean of both copies' there, within a copy none, and it dies away with the distance. On
-a plane, a cylinder or a torus that is one transform each way. What changes quickly along a seam, as the ends
-of fibres, is eased within a few pixels; what hardly does, as light, as far as the screening lets it.
+The correction that is added to the copies solves a screened Poisson equation. Across a seam it has the step
+that makes the picture's gradient the mean of both copies' gradients there; within a copy it has none, and it
+dies away with the distance. On a plane, a cylinder or a torus that is one transform each way. Steps that
+change quickly along a seam, as at the ends of fibres, are eased within a few pixels; steps that hardly
+change, as of light, are eased as far as the screening length.
 """
 
 from __future__ import annotations
@@ -116,7 +117,7 @@ class EasedLight:
     light : CopyLight
         The light that copies are given.
     index, labels : (H, W) int32 arrays
-        What shows at each pixel, and the number of the patch.
+        Flat index and number of the patch that show at each pixel.
     wraps : (bool, bool)
         Whether rows and columns continue at the opposite border.
     """
@@ -148,7 +149,7 @@ class EasedLight:
         second: npt.NDArray[np.intp],
         step: int,
     ) -> Floats32:
-        """Compute what is added to the steps (n, C) from some pixels to their neighbours."""
+        """Compute the correction of the steps (n, C) from some pixels to their neighbours."""
         light, flat, usable = self._light, plane.reshape(-1, plane.shape[2]), self._light.atlas.usable.ravel()
         p, q = self._index.take(first), self._index.take(second)
         ahead, behind = np.minimum(p + step, len(flat) - 1), np.maximum(q - step, 0)

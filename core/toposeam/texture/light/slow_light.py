@@ -60,7 +60,7 @@ def has_slow_light(features: Floats32, usable: Mask) -> bool:
     along, mean = basis.T @ values, values.mean(axis=0)
     none = len(values) * float(np.square(mean).sum())
     whole = float(np.square(values).sum()) - none
-    # What a least-squares surface leaves is orthogonal to it.
+    # The residual of a least-squares surface is orthogonal to it.
     return whole > 0 and float((_fitted(basis, along) * along).sum()) - none >= _LEAST_EXPLAINED * whole
 
 
@@ -158,7 +158,7 @@ def _terms(shape: tuple[int, ...]) -> Floats:
 
 
 def _fitted(basis: Floats, along: Floats) -> Floats:
-    """Compute the least-squares factors of (n, 6) terms, (6, C), from what values (n, C) have along each."""
+    """Compute the least-squares factors (6, C) of (n, 6) terms, given their products with values (n, C)."""
     return np.asarray(np.linalg.lstsq(basis.T @ basis, along, rcond=None)[0], np.float64)
 
 
@@ -182,7 +182,7 @@ class CopyLight:
         return cls(atlas=atlas, coefficients=none, floor=np.float32(0), low=low, high=high)
 
     def gain(self, index: Ints32, labels: Ints32, channels: slice = slice(None)) -> Floats32:
-        """Compute the gain (…, C) at pixels, given by what shows there and the number of the patch."""
+        """Compute the gain (…, C) at pixels, given by flat index and number of the patch that show there."""
         chosen = range(self.coefficients.shape[2])[channels]
         result = np.ones((*index.shape, len(chosen)), np.float32)
         if len(self.coefficients):
@@ -197,7 +197,7 @@ class CopyLight:
         return result
 
     def offset(self, gain: Floats32) -> Floats32:
-        """Compute what is added to a value that has been multiplied by a gain."""
+        """Compute the offset of a value that has been multiplied by a gain."""
         result: Floats32 = (gain - 1) * self.floor
         return result
 
@@ -222,7 +222,7 @@ def levelled_copies(
         no matter of light.
     atlas : Atlas
     index, labels : (H, W) int32 arrays
-        What shows at each pixel, and the number of the patch.
+        Flat index and number of the patch that show at each pixel.
     copies : (P,) int32 array
         The first patch of the copy that each patch belongs to.
     wraps : (bool, bool)
@@ -296,16 +296,16 @@ def _as_bright(light: CopyLight, plane: Floats32, index: Ints32, labels: Ints32)
 def _pairs(
     a: Ints32, b: Ints32, terms: Floats, apart: npt.NDArray[Any], weight: npt.NDArray[Any]
 ) -> tuple[npt.NDArray[np.intp], Floats, Floats, Floats]:
-    """Sum what joints ask of the copies that meet there, by pairs of copies.
+    """Sum the normal equations of joints by the pairs of copies that meet there.
 
     Parameters
     ----------
     a, b : (n,) int32 arrays
         The two copies.
     terms : (n, 6) array
-        What multiplies their coefficients in the difference of their light.
+        Factors of their coefficients in the difference of their light.
     apart : (n, C) array
-        How much brighter the first copy is.
+        Difference in brightness of the first copy from the second.
     weight : (n,) array
 
     Returns

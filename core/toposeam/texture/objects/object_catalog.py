@@ -154,7 +154,7 @@ class ObjectCatalog:
         ----------
         key : (int, int, int)
         known : (h, w) int32 array
-            What the window shows, flat indices; -1 where nothing is.
+            Flat indices of the pixels that the window shows; -1 where it shows none.
         top, left : int
             First pixel of the window on the canvas.
         """

@@ -85,7 +85,7 @@ class ObjectRepeatPenalty(NearCopyPenalty):
     atlas : Atlas
     canvas : IndexCanvas
     weight : (AH, AW) float32 array
-        How much each pixel of the atlas counts.
+        Weight of each pixel of the atlas.
     variety : float
     """
 

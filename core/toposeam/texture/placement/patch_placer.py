@@ -33,11 +33,11 @@ _GUIDE_TOLERANCE = 0.1
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ClosedPatch:
-    """A patch with something that it has to show, before it is cut along a closed seam round that."""
+    """A patch before it is cut along a closed seam round the part that it has to show."""
 
     #: First row and column on the canvas.
     at: tuple[int, int]
-    #: (h, w) flat indices: what it shows, and (h + 2, w + 2) what is there, one pixel more all round.
+    #: (h, w) flat indices of the patch, and (h + 2, w + 2) those of the canvas, one pixel more all round.
     source: Ints32
     before: Ints32
     #: (h, w) bool: where it has to show, and where it may.
@@ -56,20 +56,20 @@ class PatchPlacer:
     ----------
     atlas : Atlas
     features : (AH, AW, F) float32 array
-        What overlapping patches are compared by, 0 where the atlas is not usable.
+        Values by which overlapping patches are compared, 0 where the atlas is not usable.
     canvas : IndexCanvas
     options : LayOptions
     rng : numpy.random.Generator
     area : int
         Number of canvas pixels that patches will fill, for the average usage of a source pixel.
     guide : Guide, optional
-        What the patches should look like.
+        The wanted look of the patches.
     phase : Phase, optional
-        Which places keep the texture's order in step with the canvas; others are not taken.
+        Excludes places that are out of step with the texture's order.
     shares : sequence of float, optional
-        What part of the canvas each exemplar is to show on, in any unit; without it wherever it fits best.
+        Share of the canvas that each exemplar is to show on, in any unit; without it wherever it fits best.
     turns : str
-        Which positions of every exemplar the atlas holds.
+        Positions of every exemplar that the atlas holds.
     levelled : bool
         Whether light is levelled. Then landmarks are kept apart even where they are no objects on a ground:
         where light is even, a dark spot stands out.
@@ -92,7 +92,7 @@ class PatchPlacer:
         self.atlas, self.features, self.canvas = atlas, features, canvas
         self.options, self.rng, self.phase, self.margin = options, rng, phase, atlas.margin
         self._guide = guide
-        #: What seams pay for each pixel of the atlas, flat, where there are objects to be kept.
+        #: Cost of each pixel of the atlas to seams, flat; None where there are no objects to be kept.
         self.guard: Floats32 | None = None
         part = None if shares is None else np.asarray(shares, float) / sum(shares)
         usage, near, feature_shares, variety = None, None, None, options.variety
@@ -186,7 +186,7 @@ class PatchPlacer:
         return place
 
     def reach(self, shape: tuple[int, int]) -> int:
-        """Compute how many px round its window a patch must know before a place is picked for it."""
+        """Compute the distance, px, round a patch's window that must be laid before a place is picked."""
         return max(self.margin, max(shape) // 2) if self._turned else self.margin
 
     def wave_conflicts(self) -> WaveConflicts:
@@ -198,7 +198,7 @@ class PatchPlacer:
         )
 
     def refresh(self) -> None:
-        """Discard what is known of the canvas, which has changed."""
+        """Discard values that were computed before the canvas changed."""
         if self.ranking.usage is not None:
             self.ranking.usage.refresh()
 
@@ -216,7 +216,7 @@ class PatchPlacer:
         shows = self.cut(padded, source, site.covers) | empty
         if self._guide is None or not self._guide.weight:
             return shows
-        # What the guide asks for plainly is not left to the seam.
+        # Where the guide clearly favours one side, that is not left to the seam.
         rows, columns, _ = self.canvas.window(*site.at, h, w)
         wanted, stands = self._guide.target[rows, columns], self._guide.source
         comes, there = (
@@ -227,14 +227,14 @@ class PatchPlacer:
         return kept
 
     def cut(self, padded: Ints32, source: Ints32, covers: Mask, closed: bool = False) -> Mask:
-        """Find where a patch shows along the best seam, given what is there.
+        """Find where a patch shows along the best seam between it and the canvas.
 
         Parameters
         ----------
         padded : (h + 2, w + 2) int32 array
-            What the canvas shows in the patch's window and one pixel round it; -1 where empty.
+            Flat indices that the canvas shows in the patch's window and one pixel round it; -1 where empty.
         source : (h, w) int32 array
-            The patch.
+            Flat indices of the patch.
         covers : (h, w) bool array
             Where it may show; it must show where the canvas is empty there.
         closed : bool
@@ -280,8 +280,8 @@ class PatchPlacer:
         return [(labels[box] & patch.may) | patch.must for box, patch in zip(inner, patches, strict=True)]
 
     def _labels(self, there: Ints32, b: Floats32, source: Ints32, covers: Mask, closed: bool) -> Mask | None:
-        """Find the best seam between what is there and the values that come: True where these show; None
-        where the overlap is too thin to hold a seam.
+        """Find the best seam between the canvas and new values: True where these show; None where the overlap
+        is too thin to hold a seam.
         """
         a, options = values_at(self.features, there), self.options
         if self.guard is not None:

@@ -45,11 +45,11 @@ class Ranking:
     ----------
     atlas : Atlas
     features : (AH, AW, F) float32 array
-        What overlapping patches are compared by, 0 where the atlas is not usable.
+        Values by which overlapping patches are compared, 0 where the atlas is not usable.
     canvas : IndexCanvas
     options : LayOptions
     guide : Guide, optional
-        What the patches should look like.
+        The wanted look of the patches.
     usage : UsagePenalty, optional
         The first penalty, which also excludes places whose pixels are used up.
     """
@@ -130,7 +130,7 @@ class Ranking:
         return math.floor(max(min(options.copy_patches * pixels, share), pixels))
 
     def _terms(self, site: Site) -> list[_Term]:
-        """List what a place is compared with: the known pixels, and the guide."""
+        """List the terms of a place's error: the known pixels, and the guide."""
         terms, guide = [], self._guide
         if site.weight.any() and (guide is None or guide.weight < 1):
             strength = 1.0 if guide is None else 1.0 - guide.weight

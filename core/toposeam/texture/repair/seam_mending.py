@@ -36,7 +36,7 @@ _MOST_FAILURES = 8
 
 
 class Mending:
-    """Patches over what is bad in windows of one shape, each laid in two halves as by
+    """Patches over bad seams in windows of one shape, each laid in two halves as by
     :class:`toposeam.texture.scheduling.wavefronts.Laying`.
     """
 
@@ -46,7 +46,7 @@ class Mending:
         self._found: dict[At, tuple[Site, Ints32, Mask, float]] = {}
 
     def offers(self, at: At) -> Offers | None:
-        """Find the best places for a patch over what is bad in a window; None where nothing is."""
+        """Find the best places for a patch over the bad seams of a window; None where there are none."""
         found = self._look(at)
         if found is None:
             return None
@@ -54,7 +54,7 @@ class Mending:
         return self._placer.ranking.offers(found[0])
 
     def shows(self, at: At, place: At) -> Mask | None:
-        """Find where the patch from a place shows; None if the seams would be no better."""
+        """Find where the patch from a place shows; None if the seams would hardly cost less."""
         found = self._found.pop(at, None) or self._look(at)
         if found is None:
             return None
@@ -66,8 +66,8 @@ class Mending:
         return None if _seam_costs(placer, after).sum() >= _STAYING_SHARE * before else shows
 
     def _look(self, at: At) -> tuple[Site, Ints32, Mask, float] | None:
-        """Read a window, and one pixel round it: what shows, where it is bad, and what its seams cost; None
-        where nothing is bad.
+        """Read a window and one pixel round it: the pixels that show, the bad ones, and the cost of the
+        seams; None where no seam is bad.
         """
         placer, m, (top, left), (h, w) = self._placer, self._placer.margin, at, self._shape
         known = placer.canvas.read(top - m, left - m, h + 2 * m, w + 2 * m)
@@ -102,16 +102,16 @@ def mend(
     shape : (int, int)
         Height and width of the patches.
     count : int
-        How many places are tried.
+        Number of places that are tried.
     crew : Crew
-        Who does it.
+        The processes that lay them; its tool is the placer.
     progress : callable, optional
         Called with the share of the places tried.
 
     Returns
     -------
     int
-        How many patches were laid.
+        Number of patches that were laid.
     """
     canvas = placer.canvas
     height, width = canvas.shape

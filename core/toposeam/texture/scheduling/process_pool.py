@@ -47,7 +47,7 @@ class Crew:
     ----------
     processes : int
     tool : object
-        What every process works with.
+        The object that every process works with.
     prepare : callable
         Called before the first fork.
     """

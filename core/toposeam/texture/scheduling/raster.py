@@ -30,7 +30,7 @@ def lay_all(
     patch, overlap : int
         Side of the patches and least overlap, px.
     crew : Crew
-        Who does it.
+        The processes that lay them; its tool is the placer.
     progress : callable, optional
         Called with the share of the patches laid.
 

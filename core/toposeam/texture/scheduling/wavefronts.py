@@ -20,8 +20,8 @@ At = tuple[int, int]
 
 
 class Laying:
-    """Patches of one shape, each laid in two halves, maybe by different processes: what fits is looked for,
-    and, when a place has been picked, where it shows.
+    """Patches of one shape, each laid in two halves, maybe by different processes: the best places are looked
+    for, and, when one has been picked, where the patch from it shows.
     """
 
     def __init__(self, placer: PatchPlacer, shape: tuple[int, int]) -> None:
@@ -96,12 +96,12 @@ def waves_of(rows: list[int], columns: list[int], width: int, length: int | None
     Parameters
     ----------
     rows, columns : list of int
-        Where windows begin.
+        First rows and columns of the windows.
     width : int
-        Of a window and what it looks at on one side of it, px.
+        Width of a window with what it reads on one side of it, px.
     length : int, optional
-        Of the rows, where they go round. Then each begins further on than the one above, so that all above it
-        is there.
+        Length of the rows, where they go round. Then each row begins further on than the one above, so that
+        all patches above a window are there.
 
     Examples
     --------

@@ -128,6 +128,7 @@ INSIDE: dict[str, dict[str, set[str]]] = {
         "placement": {"exemplar", "canvas", "periodicity"},
         "scheduling": {"canvas", "placement"},
         "repair": {"exemplar", "canvas", "placement", "scheduling"},
+        "objects": {"exemplar", "canvas", "placement", "scheduling"},
         "holes": {"exemplar", "canvas", "periodicity", "light", "placement"},
     },
     "toposeam.motif": {
@@ -155,7 +156,7 @@ CLASS_LINES = 250
 #: A test's name is shorter.
 NAME_CHARACTERS = 60
 #: Classes that are still longer, to be shortened: nothing may be added.
-LONG_CLASSES = {"Composition", "Replacing", "ShiftMoves", "_Run"}
+LONG_CLASSES = {"Composition", "ShiftMoves", "_Run"}
 WITHOUT_CLICK = {
     "toposeam_cli.media",
     "toposeam_cli.files",

@@ -37,18 +37,19 @@ from toposeam.texture.placement.patch_placer import PatchPlacer
 from toposeam.texture.placement.request import TextureRequest
 from toposeam.texture.synthesize import check_patch
 
-#: A hole with its band that fits a patch this many times the usual one is filled by one patch, along a closed
+#: Largest side of a hole with its band, in sides of a usual patch, that is filled by one patch along a closed
 #: seam.
-_ONE_PATCH = 2.0
-#: The band round a hole that shifted copies may change as well, px.
+_ONE_PATCH_SIZE = 2.0
+#: Width, px, of the band round a hole that shifted copies may change as well.
 _BAND = 8
 #: Number of shifts by which a picture repeats itself that are tried.
 _SHIFTS = 32
-#: Holes nearer to each other than this share of their size are filled together.
-_TOGETHER = 0.25
-#: Of pictures of more pixels only about this many near a hole are searched, and at least this share of the
-#: hole's size to either side.
-_LOOKED_AT, _AROUND = 1 << 20, 1.5
+#: Largest distance between holes that are filled together, as a share of their size.
+_GROUP_DISTANCE = 0.25
+#: Number of pixels near a hole, about, that are searched in larger pictures.
+_SEARCHED_PIXELS = 1 << 20
+#: Least distance to either side of a hole that is searched, as a share of the hole's size.
+_SEARCHED_SHARE = 1.5
 
 By = Literal["auto", "patches", "shifts"]
 BYS: tuple[By, ...] = get_args(By)
@@ -276,10 +277,13 @@ def _surroundings(part: Mask, copied: Mask, restricted: bool) -> tuple[slice, sl
     whatever the caller says may be copied.
     """
     whole = slice(0, part.shape[0]), slice(0, part.shape[1])
-    if part.size <= _LOOKED_AT:
+    if part.size <= _SEARCHED_PIXELS:
         return whole
     box = box_of(part)
-    reach = max(math.isqrt(_LOOKED_AT) // 2, round(_AROUND * max(side.stop - side.start for side in box)))
+    reach = max(
+        math.isqrt(_SEARCHED_PIXELS) // 2,
+        round(_SEARCHED_SHARE * max(side.stop - side.start for side in box)),
+    )
     near = box_of(part, reach)
     if restricted and copied.any():
         near = box_of(copied | part, 1)
@@ -291,12 +295,12 @@ def _grouped(hole: Mask, near: Mask) -> tuple[tuple[slice, slice], npt.NDArray[n
     one; holes near each other have one number.
     """
     longest = max(side.stop - side.start for side in box_of(hole))
-    around = box_of(near | hole, max(2 * _BAND, round(_TOGETHER * longest)))
+    around = box_of(near | hole, max(2 * _BAND, round(_GROUP_DISTANCE * longest)))
     hole, near = hole[around], near[around]
     pieces, _ = ndimage.label(hole, np.ones((3, 3), bool))
     wide = np.zeros(hole.shape, bool)
     for number, box in enumerate(ndimage.find_objects(pieces), start=1):
-        reach = max(2 * _BAND, round(_TOGETHER * max(side.stop - side.start for side in box)))
+        reach = max(2 * _BAND, round(_GROUP_DISTANCE * max(side.stop - side.start for side in box)))
         grown = tuple(
             slice(max(side.start - reach, 0), min(side.stop + reach, limit))
             for side, limit in zip(box, hole.shape, strict=True)
@@ -318,7 +322,7 @@ def _windows(
         first = [max(part.start - band - 1, 0) for part in box]
         last = [min(part.stop + band + 1, limit) for part, limit in zip(box, canvas.shape, strict=True)]
         shape = last[0] - first[0], last[1] - first[1]
-        if max(shape) <= _ONE_PATCH * side and _has_room(placer, shape, (first[0], first[1])):
+        if max(shape) <= _ONE_PATCH_SIZE * side and _has_room(placer, shape, (first[0], first[1])):
             yield first[0], first[1], shape
         else:
             large |= pieces == number

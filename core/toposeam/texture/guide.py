@@ -13,8 +13,8 @@ from toposeam.texture.exemplar.atlas import Atlas
 from toposeam.texture.exemplar.sources import Images, Sources, as_list
 from toposeam.texture.exemplar.turns import Turns, count_of, turned
 
-#: Share of a guide's variance that may lie within patches, and the smallest patch chosen for that.
-_CHANGES, _FINEST = 0.1, 12
+#: Largest share of a guide's variance within patches that are chosen for it, and their least side, px.
+_MOST_WITHIN, _LEAST_PATCH = 0.1, 12
 
 
 def guide_of(
@@ -87,13 +87,13 @@ def guide_of(
 
 
 def patch_within(guide: Guide, patch: int) -> int:
-    """Return the largest patch, up to a size, within which a guide hardly changes: larger ones cannot follow
-    what is drawn.
+    """Find the largest patch, up to a size, within which a guide hardly changes: larger ones cannot follow
+    the drawing.
     """
     whole = float(guide.target.var(axis=(0, 1)).sum())
     side = patch
-    while side > _FINEST and _within(guide.target, side) > _CHANGES * whole:
-        side = max(_FINEST, round(0.8 * side))
+    while side > _LEAST_PATCH and _within(guide.target, side) > _MOST_WITHIN * whole:
+        side = max(_LEAST_PATCH, round(0.8 * side))
     return min(side, patch)
 
 

@@ -33,16 +33,20 @@ from toposeam.texture.exemplar.turns import TURNS, Turns, count_of, turned_sourc
 from toposeam.texture.guide import guide_of, patch_within
 from toposeam.texture.light.seam_easing import EasedLight, Level, level_for
 from toposeam.texture.light.slow_light import CopyLight, flattened, levelled_copies, without_light
+from toposeam.texture.objects.object_exchange import make_objects_whole
 from toposeam.texture.periodicity.period import STRETCH, find_order
 from toposeam.texture.periodicity.phase import Phase
 from toposeam.texture.placement.options import LayKeywords, LayOptions
 from toposeam.texture.placement.patch_placer import PatchPlacer
 from toposeam.texture.placement.request import TextureRequest
-from toposeam.texture.repair.mend import mend
-from toposeam.texture.repair.object_assignment import MOST, Exchange
+from toposeam.texture.repair.seam_mending import mend
 from toposeam.texture.scheduling.process_pool import MAX_PROCESSES, Crew
 from toposeam.texture.scheduling.raster import lay_all, patches_on, shape_on
 from toposeam.texture.tile_origin import begun
+
+#: Largest number of objects that are replaced, per patch laid: the processes' shared memory has room for no
+#: more patches.
+_MAX_REPLACEMENTS = 64
 
 
 def synthesize(
@@ -251,14 +255,14 @@ def synthesize(
         )
     count = patches_on(canvas, side, overlap)
     tries = round(chosen.mend * count)
-    most = count + tries + MOST * count
+    most = count + tries + _MAX_REPLACEMENTS * count
     shown = None if preview is None else Previews(preview, sources, atlas, canvas)
     with Crew(processes, placer, lambda: canvas.share(most)) as crew:
         lay_all(placer, side, overlap, crew, together(shown, stage(progress, 0.0, 0.9)))
         if placer.guard is None:
             mend(placer, shape, tries, crew, stage(progress, 0.9, 0.1))
         elif chosen.mend:  # where seams are bad they cut objects, and those are replaced
-            Exchange(placer, shape, crew, most).run()
+            make_objects_whole(placer, shape, crew, most)
         crew.dismiss()
         if progress is not None:
             progress(1.0)

@@ -24,10 +24,11 @@ from toposeam.texture.placement.options import LayKeywords, LayOptions
 from toposeam.texture.placement.request import TextureRequest
 from toposeam.texture.scheduling.raster import SMALLEST_TILE
 
-#: The widest band where elements are no larger, px.
-_USUAL = 48
-#: So much of the middle of a picture tells how large elements are, px.
-_SEEN = 1024
+#: Width of the widest band, px, where elements of the picture are no larger.
+_USUAL_BAND = 48
+#: Side of the middle part of a picture, px, in which the size of its elements is measured: that of a whole
+#: large picture would take long.
+_MEASURED_SIDE = 1024
 
 
 def make_tileable(
@@ -207,10 +208,13 @@ def _band(request: TextureRequest, image: npt.ArrayLike, band: int | None, wraps
     most = min(length for length, wrapping in zip(size, wraps, strict=True) if wrapping) // 4
     if band is None:
         band = min(size) // 8
-        if most > _USUAL:  # else none can be wider
-            middle = tuple(slice(max((length - _SEEN) // 2, 0), (length + _SEEN) // 2) for length in size)
+        if most > _USUAL_BAND:  # else none can be wider
+            middle = tuple(
+                slice(max((length - _MEASURED_SIDE) // 2, 0), (length + _MEASURED_SIDE) // 2)
+                for length in size
+            )
             patch = natural_patch(as_array(image)[middle], data_range=request.white[0])
-            band = patch if patch > _USUAL else min(band, _USUAL)
+            band = patch if patch > _USUAL_BAND else min(band, _USUAL_BAND)
         band = int(np.clip(band, 4, most))
     try:
         return check_whole("band", band, 4, most)

@@ -16,8 +16,8 @@ import numpy.typing as npt
 from toposeam.texture.canvas.copy_borders import ROWS
 from toposeam.texture.canvas.synthesis import Synthesis
 
-#: Share of the lines that may show less than the border does.
-_SHOWS = 0.75
+#: Largest share of the lines that show less than the border does where it is left as it is.
+_MOST_QUIETER = 0.75
 
 
 def begun(made: Synthesis) -> Synthesis:
@@ -77,7 +77,7 @@ def line_steps(image: npt.NDArray[Any]) -> tuple[npt.NDArray[np.float64], npt.ND
 
 def _first(steps: npt.NDArray[np.float64]) -> int:
     """Find the line to begin with: 0, or the nearest quiet one where that shows."""
-    if not steps[0] > np.quantile(steps, _SHOWS):  # NaN shows nowhere
+    if not steps[0] > np.quantile(steps, _MOST_QUIETER):  # NaN shows nowhere
         return 0
     quiet = np.flatnonzero(steps <= np.median(steps))
     return int(quiet[np.minimum(quiet, len(steps) - quiet).argmin()])

@@ -283,7 +283,7 @@ def test_a_blot_on_one_flat_colour_becomes_that_colour(by, white):
 
 
 def test_of_a_large_picture_only_what_is_near_is_looked_at(monkeypatch):
-    monkeypatch.setattr("toposeam.texture.fill._LOOKED_AT", 80**2)
+    monkeypatch.setattr("toposeam.texture.fill._SEARCHED_PIXELS", 80**2)
     unit = np.random.default_rng(2).integers(0, 256, (12, 12), np.uint8)
     image = np.tile(unit, (20, 20))
     hole = np.zeros(image.shape, bool)

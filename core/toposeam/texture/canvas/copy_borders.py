@@ -9,7 +9,8 @@ import numpy.typing as npt
 
 from toposeam.arrays import Ints32
 
-#: Rows of a canvas that are looked at, lit or rendered at a time: all of a large one would take gigabytes.
+#: Number of rows of a canvas that are searched, lit or rendered at a time: all of a large one would take
+#: gigabytes.
 ROWS = 256
 
 

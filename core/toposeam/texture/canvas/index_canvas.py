@@ -14,8 +14,8 @@ import numpy.typing as npt
 from toposeam.arrays import Ints32, Mask
 from toposeam.texture.canvas.copy_borders import ROWS
 
-#: Patches for which there is room at first.
-_FIRST = 1024
+#: Number of patches for which there is room at first; more room is made as it is needed.
+_FIRST_PATCHES = 1024
 
 
 class Copies(NamedTuple):
@@ -58,9 +58,9 @@ class IndexCanvas:
         self.usage: Ints32 = np.zeros(pixels, np.int32)
         self.patches = 0
         #: An earlier patch that each patch continues, or itself; all that are joined so are one copy.
-        self._copies: Ints32 = np.zeros(_FIRST, np.int32)
-        #: How many pixels of the copy show, by its first patch.
-        self._areas: npt.NDArray[np.int64] = np.zeros(_FIRST, np.int64)
+        self._copies: Ints32 = np.zeros(_FIRST_PATCHES, np.int32)
+        #: Number of pixels of each copy that show, by its first patch.
+        self._areas: npt.NDArray[np.int64] = np.zeros(_FIRST_PATCHES, np.int64)
 
     def share(self, patches: int) -> None:
         """Move everything that changes into memory that forked processes have in common.
@@ -68,7 +68,7 @@ class IndexCanvas:
         Parameters
         ----------
         patches : int
-            How many there will be at most.
+            Largest number of patches that there will be.
         """
         self.index, self.labels, self.usage = map(_shared, (self.index, self.labels, self.usage))
         self._copies, self._areas = _shared(self._copies, patches), _shared(self._areas, patches)
@@ -122,11 +122,11 @@ class IndexCanvas:
         )
 
     def read(self, top: int, left: int, height: int, width: int) -> Ints32:
-        """Read the (h, w) flat indices of a window, -1 off the canvas and where nothing has been laid."""
+        """Read the (h, w) flat indices of a window, -1 beyond the canvas and where nothing has been laid."""
         return self._part(self.index, top, left, height, width)
 
     def _part(self, plane: Ints32, top: int, left: int, height: int, width: int) -> Ints32:
-        """Read a window of the flat indices, or of the patches' numbers; -1 off the canvas."""
+        """Read a window of the flat indices, or of the patches' numbers; -1 beyond the canvas."""
         if self._within(top, left, height, width):
             return plane[top : top + height, left : left + width].copy()
         rows, columns, inside = self.window(top, left, height, width)

@@ -14,9 +14,9 @@ from toposeam.arrays import Floats32, Indices, Ints32, Mask
 class Guide:
     """The desired appearance of a texture, patch by patch."""
 
-    #: (AH, AW, G) float32, what each pixel of the atlas stands for.
+    #: (AH, AW, G) float32, the guide's values that each pixel of the atlas stands for.
     source: Floats32
-    #: (H, W, G) float32, what is wanted on the canvas.
+    #: (H, W, G) float32, the values wanted on the canvas.
     target: Floats32
     #: Its share in the choice, in [0, 1]; the rest is the overlap's.
     weight: float
@@ -29,9 +29,9 @@ class Site:
     #: First row and column on the canvas, height and width.
     at: tuple[int, int]
     shape: tuple[int, int]
-    #: What the canvas shows there and in the margin round it, flat indices; -1 where empty.
+    #: Flat indices that the canvas shows there and in the margin round it; -1 where empty.
     known: Ints32
-    #: How much each of these pixels counts, float32.
+    #: Weight of each of these pixels, float32.
     weight: Floats32
     #: (h, w) bool: where the patch may show.
     covers: Mask
@@ -87,8 +87,8 @@ class PlaceGrid:
             Rows and columns, px, from each place to where it is sampled.
         """
         rows, columns = (
-            np.minimum((line + off) // block, limit - 1)
-            for line, off, limit in zip(self.axes, offset, values.shape, strict=True)
+            np.minimum((line + shift) // block, limit - 1)
+            for line, shift, limit in zip(self.axes, offset, values.shape, strict=True)
         )
         found: Floats32 = values.take(rows, axis=0).take(columns, axis=1)
         return found
@@ -112,7 +112,7 @@ class Offers:
     rows: Indices
     columns: Indices
     errors: Floats32
-    #: How many pixels of the window are empty.
+    #: Number of empty pixels of the window.
     new: int
     #: The place at which a patch would continue each copy that the window shows, and that copy's first patch.
     continued: list[tuple[int, int, int]]

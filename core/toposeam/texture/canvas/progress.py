@@ -15,12 +15,12 @@ from toposeam.texture.exemplar.sources import Sources
 #: Takes the share of the work done, in [0, 1].
 Report = Callable[[float], None]
 
-#: Longer side of previews at most, px, and about how many there are.
-_SIDE, _COUNT = 512, 12
+#: Largest side of previews, px, and their number, about.
+_MOST_SIDE, _COUNT = 512, 12
 
 
 class Previews:
-    """Shows what has been laid, now and then."""
+    """Shows the texture so far at intervals of the work."""
 
     def __init__(
         self,
@@ -31,7 +31,7 @@ class Previews:
     ) -> None:
         self._show, self._canvas, self._gray = show, canvas, sources.gray[0]
         self._flat = atlas.spread(sources.planes[0]).reshape(-1, sources.planes[0][0].shape[2])
-        self._step, self._next = max(1, -(-max(canvas.shape) // _SIDE)), 0.0
+        self._step, self._next = max(1, -(-max(canvas.shape) // _MOST_SIDE)), 0.0
 
     def __call__(self, share: float) -> None:
         """Show a preview when due, given the share of the patches laid."""
@@ -45,14 +45,14 @@ class Previews:
 
 
 def stage(progress: Report | None, start: float, share: float) -> Report | None:
-    """Make what reports a stage that begins at some share of the whole and is some share of it; None where
+    """Make a report for a stage that begins at some share of the whole and takes some share of it; None where
     there is nothing to report to.
     """
     return None if progress is None else lambda part: progress(min(start + share * part, 1.0))
 
 
 def together(*reports: Report | None) -> Report | None:
-    """Make what calls several reports, in order; None where there is none."""
+    """Make a report that calls several ones in order; None where there is none."""
     some = [report for report in reports if report is not None]
 
     def report(share: float) -> None:

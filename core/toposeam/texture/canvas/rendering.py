@@ -21,8 +21,8 @@ from toposeam.texture.canvas.copy_borders import ROWS, joints
 
 #: Largest distance from a seam, px, within which copies can be mixed.
 MAX_SMOOTH = 8
-#: Mixed normals shorter than this say nothing.
-_SHORTEST = 0.1
+#: Least length of a mixed normal that has a direction; shorter ones are sums of opposite normals.
+_LEAST_NORMAL = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -58,12 +58,12 @@ def render(
     wrap : (bool, bool)
         Whether rows and columns continue at the opposite border.
     smooth : int
-        How many px to either side of a seam are mixed; 0 for none.
+        Width, px, to either side of a seam within which copies are mixed; 0 for none.
     lift : Lift, optional
         The light of the copy that shows at each pixel of a plane of one channel; where copies are mixed, each
         has its own.
     near : sequence of int32 arrays, optional
-        What :func:`near_seams` says, where the same map is drawn several times.
+        Result of :func:`near_seams`, where the same map is drawn several times.
 
     Returns
     -------
@@ -121,7 +121,7 @@ def render_normals(
         vectors = mixed - half
         length = np.linalg.norm(vectors, axis=1, keepdims=True)
         own = picture.reshape(-1, 3)[at]
-        kept = (length[:, 0] < _SHORTEST * (half or 1.0)) | (mixed == own).all(axis=1)
+        kept = (length[:, 0] < _LEAST_NORMAL * (half or 1.0)) | (mixed == own).all(axis=1)
         unit = _stored(vectors / np.maximum(length, 1e-12) * (half or 1.0) + half, picture.dtype, None)
         picture.reshape(-1, 3)[at] = np.where(kept[:, np.newaxis], own, unit)
     return picture
@@ -145,7 +145,7 @@ def near_seams(index: Ints32, stride: int, wrap: tuple[bool, bool], smooth: int)
     index, stride, wrap
         As for :func:`toposeam.texture.canvas.copy_borders.joints`.
     smooth : int
-        How far neighbours at seams are mixed, px.
+        Width, px, to either side of a seam within which copies are mixed.
     """
     near = np.zeros(index.shape, bool)
     for first, second, _ in joints(index, stride, wrap):

@@ -1,5 +1,5 @@
 from .atlas import Atlas, values_at
-from .landmarks import guarded
+from .landmarks import add_guard, find_landmarks
 from .mirror_narrow import widened
 from .patch_search import PatchSearch, box_sum, reduced, refined
 from .scale import SMALLEST_PATCH, autocorrelation, natural_patch, patch_for
@@ -16,12 +16,13 @@ __all__ = [
     "PatchSearch",
     "Sources",
     "Turns",
+    "add_guard",
     "as_list",
     "autocorrelation",
     "box_sum",
     "check_varied",
     "count_of",
-    "guarded",
+    "find_landmarks",
     "natural_patch",
     "patch_for",
     "read_sources",

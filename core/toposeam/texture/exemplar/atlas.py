@@ -16,10 +16,11 @@ import numpy.typing as npt
 
 from toposeam.arrays import Floats32, Ints32, Mask
 
-#: Exemplars of more pixels are searched at reduced size first.
+#: Largest number of pixels that are searched at full size; larger exemplars are searched at reduced size
+#: first.
 SEARCH_PIXELS = 300 * 300
-#: Pixels that are located at a time, so that large canvases take no more memory.
-_AT_ONCE = 1 << 18
+#: Number of pixels that are located at a time, which bounds the memory.
+_LOCATED_AT_ONCE = 1 << 18
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,7 +59,7 @@ class Atlas:
         usable : sequence of (H, W) bool arrays
             One per exemplar: where it has pixels.
         context : int
-            How far, in px, windows will reach beyond their patches.
+            Distance, px, by which windows will reach beyond their patches.
         copied : sequence of (H, W) bool arrays, optional
             Where patches may be copied from, if not everywhere.
         """
@@ -116,8 +117,8 @@ class Atlas:
         rows, columns = self.corners.T.astype(np.int32)
         top, left = rows[0], columns[0]
         owner = self.owner_of_rows.astype(np.int16)
-        for first in range(0, len(flat), _AT_ONCE):
-            part = slice(first, first + _AT_ONCE)
+        for first in range(0, len(flat), _LOCATED_AT_ONCE):
+            part = slice(first, first + _LOCATED_AT_ONCE)
             row, column = np.divmod(flat[part], np.int32(self.width))
             if len(rows) > 1:
                 owner.take(row, out=numbers[part], mode="clip")

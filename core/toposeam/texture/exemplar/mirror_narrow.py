@@ -9,9 +9,9 @@ import numpy as np
 from toposeam.errors import ImageError
 from toposeam.images import as_array
 
-#: Sides of exemplars below this many px are mirrored …
+#: Least side of an exemplar, px, that is not mirrored.
 NARROW = 4
-#: … until they have this many, which leaves room for a patch of the size usual for small exemplars.
+#: Side that mirrored exemplars get, px: it leaves room for a patch of the size usual for small exemplars.
 _WIDENED = 32
 
 

@@ -24,17 +24,16 @@ import scipy.fft as sf
 from toposeam.arrays import Complexes32, Floats32, Indices, Mask
 from toposeam.texture.exemplar.atlas import Atlas
 
-#: The share of a window's weight that has to meet usable pixels.
+#: Least share of a window's weight that meets usable pixels.
 _LEAST_SHARE = 0.25
-#: Pixels, about, by which places near those that the reduced search found are compared.
-_COMPARED = 1000
-#: Rows that are reduced at a time, so that large pictures take no more memory.
-_LINES = 256
-#: For this many windows of unlike weights, those that came last, what these say is kept: rows of patches have
-#: few kinds of them, what is mended never has the same twice.
-_KEPT = 16
-#: A principal component along which no pixel is this share as far from the mean as one is along the first
-#: counts for nothing.
+#: Number of pixels, about, by which places near those that the reduced search found are compared.
+_COMPARED_PIXELS = 1000
+#: Number of rows that are reduced at a time, which bounds the memory.
+_ROWS_AT_ONCE = 256
+#: Number of windows, the last ones of unlike weights, whose terms are kept: patches in rows have few
+#: different weights; those that mend seams never have the same twice.
+_KEPT_WINDOWS = 16
+#: Least extent of a principal component that counts, as a share of the first one's.
 _LEAST_COMPONENT = 0.01
 
 
@@ -45,7 +44,7 @@ class PatchSearch:
     ----------
     atlas : Atlas
     features : (AH, AW, F) float32 array
-        What is compared, 0 where the atlas is not usable.
+        The values that are compared, 0 where the atlas is not usable.
     """
 
     def __init__(self, atlas: Atlas, features: Floats32) -> None:
@@ -128,7 +127,7 @@ class PatchSearch:
         for :meth:`fit`.
         """
         known = np.flatnonzero(weight)
-        known = known[:: max(1, len(known) // _COMPARED)]
+        known = known[:: max(1, len(known) // _COMPARED_PIXELS)]
         y, x = np.divmod(known, weight.shape[1])
         offset = (y - margin[0]) * self.atlas.width + x - margin[1]
         shape = weight.shape[0], weight.shape[1]
@@ -151,9 +150,9 @@ class PatchSearch:
         rows, columns : (n,) int array
             Atlas places of the patch's first pixel.
         step : int
-            How far apart the places are, px.
+            Distance between neighbouring places, px.
         sample : Compared
-            Of the window that is looked for.
+            Pixels of the window that is looked for.
         margin, patch
             As for :meth:`fit`.
         """
@@ -188,13 +187,13 @@ class PatchSearch:
         return self._wholes[shape]
 
     def _known(self, mass: Floats32, margin: tuple[int, int], patch: tuple[int, int]) -> _Known:
-        """Compute what the weights alone say; they come again and again."""
+        """Compute the terms that depend on the weights alone, or take those kept of the same weights."""
         key = mass.tobytes() + bytes(f"{mass.shape} {margin}", "ascii"), patch
         found = self._kept.pop(key, None)
         if found is None:
             spectrum = self._spectra(mass[np.newaxis])[0]
             room = self.room(patch)[margin[0] :: self.factor, margin[1] :: self.factor]
-            # What would begin farther down or right lies in a margin, where there is no room.
+            # Places farther down or right lie in a margin, where there is no room.
             rows, columns = (
                 min(grid - length + 1, fits, size)
                 for grid, length, fits, size in zip(
@@ -205,7 +204,7 @@ class PatchSearch:
             blocked = (below < _LEAST_SHARE * mass.sum()) | ~room[:rows, :columns]
             share: Floats32 = np.reciprocal(np.maximum(below, np.float32(1e-9)))
             found = _Known(spectrum * self._square, share, blocked)
-            if len(self._kept) >= _KEPT:
+            if len(self._kept) >= _KEPT_WINDOWS:
                 del self._kept[next(iter(self._kept))]
         self._kept[key] = found
         return found
@@ -314,7 +313,7 @@ def reduced(values: Floats32, weight: Floats32, factor: int) -> tuple[Floats32, 
         return values.copy(), weight
     mass = _summed(weight[..., np.newaxis], factor)
     total = np.empty((*mass.shape[:2], values.shape[2]), np.float32)
-    lines = max(_LINES // factor, 1)
+    lines = max(_ROWS_AT_ONCE // factor, 1)
     for first in range(0, len(total), lines):
         rows = slice(factor * first, factor * (first + lines))
         total[first : first + lines] = _summed(values[rows] * weight[rows, :, np.newaxis], factor)

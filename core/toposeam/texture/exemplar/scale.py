@@ -12,16 +12,18 @@ from toposeam.texture.exemplar.mirror_narrow import NARROW, widened
 from toposeam.texture.exemplar.patch_search import whole
 from toposeam.texture.exemplar.sources import DataRange, Images, read_sources
 
-#: Sides of a patch are at least this many px: narrower exemplars are widened.
+#: Least side of a patch, px: narrower exemplars are widened.
 SMALLEST_PATCH = NARROW
 #: Sides of patches that are chosen automatically, px: the smallest for small and for large exemplars, and the
 #: largest.
 SMALLEST, USUAL, LARGEST = 24, 40, 96
-#: A patch holds about this many elements side by side, and is at most this share of an exemplar: what lies
-#: along the exemplar's border is on few of large patches, and would hardly show.
-_ELEMENTS, _SHARE = 4, 0.25
-#: Where the autocorrelation has fallen to this, one element has ended.
-_DECAY = 0.2
+#: Number of elements side by side in a patch, about.
+_ELEMENTS = 4
+#: Largest side of a patch as a share of the exemplar's: of large patches few reach its border, where pixels
+#: would hardly show.
+_MOST_SHARE = 0.25
+#: Autocorrelation, 1 at distance 0, at which an element ends.
+_END_CORRELATION = 0.2
 
 
 def natural_patch(
@@ -85,7 +87,7 @@ def element_size(features: Floats32, usable: Mask) -> float:
         (mean[height:-1, width], usable.shape[0]),
         (mean[height, width:-1], usable.shape[1]),
     ):
-        below = np.flatnonzero(line <= _DECAY)
+        below = np.flatnonzero(line <= _END_CORRELATION)
         spans.append(2.0 * (below[0] if len(below) else length / 2))
     return float(np.mean(spans))
 
@@ -96,7 +98,7 @@ def patch_for(features: Sequence[Floats32], usable: Sequence[Mask], rooms: Seque
     """
     span = float(np.mean([element_size(values, mask) for values, mask in zip(features, usable, strict=True)]))
     room = min(min(shape) for shape in rooms)
-    share = int(_SHARE * room)
+    share = int(_MOST_SHARE * room)
     least = int(np.clip(share, min(SMALLEST, room), USUAL))
     return _fitting(int(np.clip(round(_ELEMENTS * span), least, max(min(LARGEST, share), least))), usable)
 

@@ -16,16 +16,16 @@ from toposeam.errors import ImageError, OptionError, Term
 from toposeam.images import as_array, as_float, as_mask, check_values, full_scale
 
 Images = npt.ArrayLike | Sequence[npt.ArrayLike]
-#: What counts as white in the picture, or in the picture and each of its maps.
+#: The value that counts as white in the picture, or in the picture and each of its maps.
 DataRange = float | Sequence[float | None] | None
 #: Rows and columns of an exemplar.
 Window = tuple[slice, slice]
 WHOLE: Window = np.s_[:, :]
-#: What differs by less than this share of white is not seen: one of 8 bits' levels.
+#: Largest difference that is not seen, as a share of white: one level of 8 bits.
 UNSEEN_STEP = 0.004
-#: Rows of an exemplar that are looked at first.
-_EVERY = 64
-#: A map's weight at most: only their ratios count.
+#: Step between the rows of an exemplar that are looked at first: they nearly always show whether it is flat.
+_ROW_STEP = 64
+#: Largest weight of a map; only ratios of weights count.
 _MOST_WEIGHT = 1e6
 
 _ALPHA, _NORMAL = Term("alpha"), Term("normal", "the normal map")
@@ -46,8 +46,8 @@ class Sources:
         The maps whose channels are features: number, weight, and what counts as white. Of maps that vary more
         than the picture the weight is less, so that none counts for more than the picture.
     features : tuple of (H, W, F) float32 arrays
-        Per exemplar, the channels of all maps times the root of the map's weight; empty where nobody asked
-        for them.
+        Per exemplar, the channels of all maps times the root of the map's weight; empty before
+        :meth:`with_features`.
     present : tuple of (H, W) bool arrays
         Where the exemplar has pixels.
     usable : tuple of (H, W) bool arrays
@@ -69,7 +69,7 @@ class Sources:
     has_alpha: bool
     has_normal: bool = False
     transparent: bool = False
-    #: How many of the features are the picture's own.
+    #: Number of features that are the picture's own.
     own_features: int = 0
 
     @property
@@ -78,7 +78,7 @@ class Sources:
         return tuple((mask.shape[0], mask.shape[1]) for mask in self.usable)
 
     def feature_planes(self, exemplar: int = 0, window: Window = WHOLE) -> Iterator[Floats32]:
-        """Work out the features of a window of an exemplar, (h, w) each, one after another."""
+        """Yield the features of a window of an exemplar one by one, (h, w) each."""
         there, share = self.present[exemplar][window], None
         if self.transparent and self.has_alpha:
             opacity = self.planes[-1][exemplar][window][..., 0]
@@ -86,7 +86,7 @@ class Sources:
         for number, weight, white in self.compared:
             plane = self.planes[number][exemplar][window]
             for channel in range(plane.shape[2]):
-                values = as_float(_where(there, plane[..., channel]), data_range=white)[..., 0]
+                values = as_float(_masked(there, plane[..., channel]), data_range=white)[..., 0]
                 if share is not None and number != len(self.planes) - 1:
                     values *= share
                 if weight != 1:
@@ -112,7 +112,7 @@ def as_list(images: Images | None, count: int, name: Name) -> list[Any]:
     Raises
     ------
     ImageError
-        When there are not as many as exemplars.
+        When there are not as many images as exemplars.
     """
     if images is None:
         return [None] * count
@@ -158,7 +158,7 @@ def read_sources(
         The value that counts as white (:func:`toposeam.images.as_float`) in the picture, or in the picture,
         each further map and the normals.
     name : str
-        What the caller calls the exemplars, for messages.
+        The caller's name for the exemplars, for messages.
     transparent : bool
         Whether opacity is part of the picture, so that places without any are copied like others.
     features : bool
@@ -172,73 +172,45 @@ def read_sources(
         For weights that do not fit.
     """
     maps = check_items("maps", maps, object, "a sequence of images, one a map")
-    labels = [Term(""), *(Term("maps", f"map {k + 1}", k) for k in range(len(maps)))]
+    labels = [Term("maps", f"map {k + 1}", k) for k in range(len(maps))]
     if normal is not None:
         maps, labels = (*maps, normal), [*labels, _NORMAL]
-    labels.append(_ALPHA)
-    several: list[Any] = list(source) if isinstance(source, list | tuple) else [source]
-    if not several:
-        raise ImageError(
-            "{array} is an empty list; give at least one image", kind="count", array=Term(name), count=0
-        )
-    count = len(several)
-    names = [Term(name) if count == 1 else Term(name, f"{name} {k + 1}", k) for k in range(count)]
-    pictures = [_picture(image, label) for image, label in zip(several, names, strict=True)]
-    shapes = [picture.shape[:2] for picture in pictures]
+    pictures, names = _read_pictures(source, name)
+    count, shapes = len(pictures), [picture.shape[:2] for picture in pictures]
     opacity = [None if a is None else as_array(a, "alpha") for a in as_list(alpha, count, "alpha")]
     masks = [
         None if m is None else as_mask(m, shape, "mask")
         for m, shape in zip(as_list(mask, count, "mask"), shapes, strict=True)
     ]
-    factors, white = _weights(weights, 1 + len(maps)), white_of(data_range, 1 + len(maps))
-    planes, gray = [_alike(pictures, names)], [all(picture.ndim == 2 for picture in pictures)]
-    for label, given in zip(labels[1:], maps, strict=False):
-        found = _map(as_list(given, count, label), label, pictures, names)
-        planes.append(_alike(found, [label] * count))
-        gray.append(all(image.ndim == 2 for image in found))
-    if normal is not None and planes[-1][0].shape[2] != 3:
-        raise ImageError(
-            "{array} has one channel, a normal map three; give heights and masks as further maps",
-            kind="channels",
-            array=_NORMAL,
-            channels=1,
-        )
+    factors, white = _check_weights(weights, 1 + len(maps)), white_of(data_range, 1 + len(maps))
+    planes, gray = _read_planes(pictures, names, maps, labels)
+    if normal is not None:
+        _check_normal(planes[-1])
     present = [
-        _present(a, picture, label, transparent=transparent)
+        _find_present(a, picture, label, transparent=transparent)
         for a, picture, label in zip(opacity, planes[0], names, strict=True)
     ]
     usable = [there if m is None else there & m for there, m in zip(present, masks, strict=True)]
     _check_usable(usable, masks, name)
-    has_alpha = any(
-        a is not None and (a[pixels] < full_scale(a.dtype)).any()
-        for a, pixels in zip(opacity, usable, strict=True)
-    )
-    if has_alpha:
-        opaque = full_scale(planes[0][0].dtype)
-        full = [
-            np.full(shape, opaque, planes[0][0].dtype) if a is None else a
-            for a, shape in zip(opacity, shapes, strict=True)
-        ]
-        planes.append(tuple(one[..., np.newaxis] for one in full))
-        gray.append(True)
-        factors, white = [*factors, 1.0], [*white, float(opaque)]
-    labels[0] = Term(name)
     if factors[0] > 0:
-        maps_end = len(planes) - has_alpha
-        factors[1:maps_end] = _evened(planes[:maps_end], labels, factors, white, present)
-    for exemplar, there in enumerate(present):
-        labels[0] = names[exemplar]
-        for label, plane, factor, one in zip(labels, planes, factors, white, strict=False):
-            if factor > 0:
-                check_values(_where(there, plane[exemplar]), label, one)
+        factors[1:] = _balanced_weights(planes, [Term(name), *labels], factors, white, present)
+    has_alpha = _has_opacity(opacity, usable)
+    if has_alpha:
+        planes.append(_opacity_plane(opacity, planes[0]))
+        gray, labels = [*gray, True], [*labels, _ALPHA]
+        factors, white = [*factors, 1.0], [*white, float(full_scale(planes[0][0].dtype))]
+    weighed = [
+        (number, factor, one)
+        for number, (factor, one) in enumerate(zip(factors, white, strict=True))
+        if factor > 0
+    ]
+    for exemplar, (there, own) in enumerate(zip(present, names, strict=True)):
+        for number, _, one in weighed:
+            check_values(_masked(there, planes[number][exemplar]), [own, *labels][number], one)
     read = Sources(
         planes=tuple(planes),
         gray=tuple(gray),
-        compared=tuple(
-            (number, factor, one)
-            for number, (factor, one) in enumerate(zip(factors, white, strict=True))
-            if factor > 0 and number < len(planes)
-        ),
+        compared=tuple(weighed),
         present=tuple(present),
         usable=tuple(usable),
         has_alpha=has_alpha,
@@ -249,20 +221,79 @@ def read_sources(
     return read.with_features() if features else read
 
 
-def _evened(
+def _read_pictures(source: Images, name: str) -> tuple[list[Image], list[Term]]:
+    """Check the pictures of all exemplars; return them and their names for messages."""
+    several: list[Any] = list(source) if isinstance(source, list | tuple) else [source]
+    if not several:
+        raise ImageError(
+            "{array} is an empty list; give at least one image", kind="count", array=Term(name), count=0
+        )
+    count = len(several)
+    names = [Term(name) if count == 1 else Term(name, f"{name} {k + 1}", k) for k in range(count)]
+    return [_read_picture(image, label) for image, label in zip(several, names, strict=True)], names
+
+
+def _read_planes(
+    pictures: Sequence[Image], names: Sequence[Term], maps: Sequence[Images], labels: Sequence[Term]
+) -> tuple[list[tuple[npt.NDArray[Any], ...]], list[bool]]:
+    """Check the maps of all exemplars; return the planes of the picture and of each map, and whether each
+    came without a channel axis.
+    """
+    planes, gray = [_with_equal_channels(pictures, names)], [all(picture.ndim == 2 for picture in pictures)]
+    for label, given in zip(labels, maps, strict=True):
+        found = _read_map(as_list(given, len(pictures), label), label, pictures, names)
+        planes.append(_with_equal_channels(found, [label] * len(pictures)))
+        gray.append(all(image.ndim == 2 for image in found))
+    return planes, gray
+
+
+def _check_normal(planes: Sequence[npt.NDArray[Any]]) -> None:
+    """Refuse normal maps without three channels."""
+    if planes[0].shape[2] != 3:
+        raise ImageError(
+            "{array} has one channel, a normal map three; give heights and masks as further maps",
+            kind="channels",
+            array=_NORMAL,
+            channels=1,
+        )
+
+
+def _has_opacity(opacity: Sequence[Image | None], usable: Sequence[Mask]) -> bool:
+    """Test whether any pixel that may be copied is not opaque."""
+    return any(
+        a is not None and bool((a[pixels] < full_scale(a.dtype)).any())
+        for a, pixels in zip(opacity, usable, strict=True)
+    )
+
+
+def _opacity_plane(
+    opacity: Sequence[Image | None], pictures: Sequence[npt.NDArray[Any]]
+) -> tuple[npt.NDArray[Any], ...]:
+    """Return the opacity of every exemplar, (H, W, 1) each; full where none was given."""
+    dtype = pictures[0].dtype
+    full = [
+        np.full(picture.shape[:2], full_scale(dtype), dtype) if a is None else a
+        for a, picture in zip(opacity, pictures, strict=True)
+    ]
+    return tuple(one[..., np.newaxis] for one in full)
+
+
+def _balanced_weights(
     planes: Sequence[Sequence[Image]],
     labels: Sequence[Term],
     factors: Sequence[float],
     white: Sequence[float | None],
     present: Sequence[Mask],
 ) -> list[float]:
-    """Return the weights of maps so that none counts for more than the picture because it varies more:
-    heights of bricks would else decide where seams run, and colours would be torn.
+    """Return the weights of the maps, reduced where a map varies more than the picture.
+
+    Otherwise such a map would count for more than the picture: heights of bricks would decide where seams
+    run, and colours would be torn.
     """
 
     def variance(index: int) -> float:
         each = zip(present, planes[index], strict=True)
-        seen = [as_float(_where(there, one), labels[index], white[index])[there] for there, one in each]
+        seen = [as_float(_masked(there, one), labels[index], white[index])[there] for there, one in each]
         return float(np.concatenate(seen).var(axis=0, dtype=np.float64).sum())
 
     count = range(1, len(planes))
@@ -284,8 +315,7 @@ def check_varied(sources: Sources, name: str = "source") -> None:
     ImageError
     """
     exemplars = list(zip(sources.features, sources.usable, strict=True))
-    # Nearly always a few rows show it.
-    some = [values[::_EVERY][usable[::_EVERY]] for values, usable in exemplars]
+    some = [values[::_ROW_STEP][usable[::_ROW_STEP]] for values, usable in exemplars]
     if any(len(values) and (values != values[:1]).any() for values in some):
         return
     seen = [values[usable] for values, usable in exemplars]
@@ -298,7 +328,7 @@ def check_varied(sources: Sources, name: str = "source") -> None:
         )
 
 
-def _picture(image: npt.ArrayLike, name: Term) -> Image:
+def _read_picture(image: npt.ArrayLike, name: Term) -> Image:
     array = as_array(image, name)
     if array.ndim == 3 and array.shape[2] not in (1, 3):
         raise ImageError(
@@ -310,9 +340,11 @@ def _picture(image: npt.ArrayLike, name: Term) -> Image:
     return array
 
 
-def _map(images: list[Any], label: Term, pictures: Sequence[Image], names: Sequence[Term]) -> list[Image]:
+def _read_map(
+    images: list[Any], label: Term, pictures: Sequence[Image], names: Sequence[Term]
+) -> list[Image]:
     """Check a map of each exemplar."""
-    found = [_picture(image, label) for image in images]
+    found = [_read_picture(image, label) for image in images]
     for image, picture, whose in zip(found, pictures, names, strict=True):
         if image.shape[:2] != picture.shape[:2]:
             raise ImageError(
@@ -329,7 +361,7 @@ def _map(images: list[Any], label: Term, pictures: Sequence[Image], names: Seque
     return found
 
 
-def _present(opacity: Image | None, picture: Image, label: Term, *, transparent: bool) -> Mask:
+def _find_present(opacity: Image | None, picture: Image, label: Term, *, transparent: bool) -> Mask:
     """Find where an exemplar has pixels."""
     if opacity is not None and (opacity.shape != picture.shape[:2] or opacity.dtype != picture.dtype):
         raise ImageError(
@@ -372,7 +404,7 @@ def _check_usable(usable: Sequence[Mask], masks: Sequence[Mask | None], name: st
     )
 
 
-def _where(present: Mask, values: Image) -> Image:
+def _masked(present: Mask, values: Image) -> Image:
     """Set an exemplar's values, or those of a channel, to 0 where it has no pixels."""
     if present.all():
         return values
@@ -380,8 +412,8 @@ def _where(present: Mask, values: Image) -> Image:
     return np.where(shown, values, values.dtype.type(0))
 
 
-def _alike(images: Sequence[Image], names: Sequence[Term]) -> tuple[npt.NDArray[Any], ...]:
-    """Give all a channel axis and equally many channels; gray ones are widened."""
+def _with_equal_channels(images: Sequence[Image], names: Sequence[Term]) -> tuple[npt.NDArray[Any], ...]:
+    """Give all images a channel axis and equally many channels; gray ones are repeated."""
     if len({image.dtype for image in images}) > 1:
         raise ImageError(
             "the {exemplars} differ in dtype ({arrays}: {dtypes}); convert them to one",
@@ -394,12 +426,12 @@ def _alike(images: Sequence[Image], names: Sequence[Term]) -> tuple[npt.NDArray[
     return tuple(np.repeat(image, widest, axis=2) if image.shape[2] < widest else image for image in deep)
 
 
-def _weights(weights: Sequence[float] | None, count: int) -> list[float]:
+def _check_weights(weights: Sequence[float] | None, count: int) -> list[float]:
     if weights is None:
         return [1.0] * count
     found = [
         check_number(Term("weights", "one of the weights", 0), weight, 0, _MOST_WEIGHT)
-        for weight in _several(weights, "weights")
+        for weight in _read_list(weights, "weights")
     ]
     if len(found) != count:
         raise OptionError(
@@ -424,7 +456,7 @@ def white_of(data_range: DataRange, count: int) -> list[float | None]:
     if data_range is None or not isinstance(data_range, Sequence | np.ndarray):
         given: list[Any] = [data_range] + [None] * (count - 1)
     else:
-        given = _several(data_range, "data_range")
+        given = _read_list(data_range, "data_range")
     if len(given) != count:
         raise OptionError(
             "{parameter} has {given} values for the picture and {maps_count} further maps; give one for each",
@@ -436,7 +468,7 @@ def white_of(data_range: DataRange, count: int) -> list[float | None]:
     return [None if one is None else check_number("data_range", one, 0, above=True) for one in given]
 
 
-def _several(values: Any, name: str) -> list[Any]:
+def _read_list(values: Any, name: str) -> list[Any]:
     items = list(check_items(name, values, object, "a list with one number per map"))
     if any(isinstance(item, Sequence | np.ndarray) for item in items):
         raise OptionError(

@@ -8,13 +8,13 @@ from scipy import ndimage
 
 from toposeam.arrays import Mask
 
-#: So many rows are worked out at a time.
-_ROWS = 64
+#: Number of rows whose distances are computed at a time, which bounds the memory.
+_ROWS_AT_ONCE = 64
 
 
 def distance_from(mask: Mask) -> npt.NDArray[np.float64]:
-    """Compute how far each pixel is from the nearest one of a mask: what
-    :func:`scipy.ndimage.distance_transform_edt` gives, in a third of its memory.
+    """Compute the distance of each pixel from the nearest one of a mask, as
+    :func:`scipy.ndimage.distance_transform_edt` does, in a third of its memory.
 
     Parameters
     ----------
@@ -34,8 +34,8 @@ def distance_from(mask: Mask) -> npt.NDArray[np.float64]:
     nearest = ndimage.distance_transform_edt(~mask, return_distances=False, return_indices=True)
     distance = np.empty(mask.shape)
     columns = np.arange(mask.shape[1])
-    for top in range(0, len(mask), _ROWS):
-        part = slice(top, top + _ROWS)
+    for top in range(0, len(mask), _ROWS_AT_ONCE):
+        part = slice(top, top + _ROWS_AT_ONCE)
         down = nearest[0, part] - np.arange(*part.indices(len(mask)))[:, np.newaxis]
         right = nearest[1, part] - columns
         distance[part] = np.sqrt((down * down + right * right).astype(np.float64))

@@ -1,11 +1,11 @@
 """The features expected in a hole from its surroundings, and the features of each pixel.
 
-*Like* is colour and contrast, blurred. Into a hole it is continued as a membrane. Where the mean of its row
-says most of what there is to say of a pixel, as where there is a horizon, or that of its column, only what is
-left over is continued so, and the horizon runs on at its height.
+The features of a pixel are its colour and contrast, blurred (`like`). They are continued into a hole as a
+membrane. Where the means of rows explain most of the features' variance, as where there is a horizon, or
+those of columns do, only the rest is continued as a membrane, so that the horizon runs on at its height.
 
-*Strange* is a pixel whose colour and contrast hardly occur round the hole: an eye, a buckle, a lone tower.
-None is expected.
+A pixel is *strange* if its colour and contrast hardly occur round the hole: an eye, a buckle, a lone tower.
+None is expected in a hole.
 """
 
 from __future__ import annotations
@@ -28,22 +28,27 @@ Planes = Callable[[], Iterable[Floats32]]
 
 _NEIGHBOURS: Any = ((np.s_[:-1], np.s_[1:]), (np.s_[:, :-1], np.s_[:, 1:]))
 
-#: How far round a hole, in radii of a disc of its area, rows and columns are compared, and what share of the
-#: variance they have to explain to count: 0.95 in a field with a skyline, 0.7 at most where there is none.
-_AROUND, _TOLD = 2.0, 0.8
-#: Width of the ring that shows what is usual, in such radii and at least, px.
-_RING, _LEAST = 0.5, 16
-#: Deviation of the blur of colours and contrasts, px; number of colours; number of bins of each.
-_BLUR, _COLOURS, _BINS = 1.5, 3, 12
-#: Boxes begin at multiples of this, px: a membrane is found on every so many rows and columns.
+#: Distance round a hole within which rows and columns are compared, in radii of a disc of the hole's area.
+_LINE_RADII = 2.0
+#: Least share of the variance that rows or columns explain so that they count: they explain 0.95 in a field
+#: with a skyline, and 0.7 at most where there is none.
+_LEAST_EXPLAINED = 0.8
+#: Width of the ring round a hole that shows what is usual, in such radii, and its least width, px.
+_RING_RADII, _LEAST_RING = 0.5, 16
+#: Standard deviation of the blur of colours and contrast, px.
+_BLUR = 1.5
+#: Number of colours in the histogram of the ring, and number of bins of each and of the contrast.
+_COLOURS, _BINS = 3, 12
+#: Boxes begin at multiples of this many px, as a membrane is found on a reduced grid of rows and columns.
 _GRID = 128
-#: The share of the ring's pixels below which those of a bin are strange, and what a strange pixel counts, a
-#: difference from white to black being 1.
-_FEW, _STRANGE = 0.002, 2.0
+#: A bin with less than this share of the ring's pixels is strange.
+_STRANGE_SHARE = 0.002
+#: Cost of a strange pixel; a difference from white to black costs 1.
+_STRANGE_COST = 2.0
 
 
 def expectation(planes: Planes, hole: Mask, present: Mask) -> tuple[Floats32, Floats32]:
-    """Estimate what is expected at each pixel, and what each is like.
+    """Estimate the features expected in a hole, and compute those of each pixel.
 
     Parameters
     ----------
@@ -62,10 +67,10 @@ def expectation(planes: Planes, hole: Mask, present: Mask) -> tuple[Floats32, Fl
     radius = float(np.sqrt(np.count_nonzero(hole) / np.pi))
     known = (present & ~hole).astype(np.float32)
     around, ring = np.zeros(hole.shape, bool), np.zeros(hole.shape, bool)
-    width = max(_RING * radius, _LEAST)
-    near = box_of(hole, math.ceil(max(_AROUND * radius, width)))
+    width = max(_RING_RADII * radius, _LEAST_RING)
+    near = box_of(hole, math.ceil(max(_LINE_RADII * radius, width)))
     distance = distance_from(hole[near])
-    around[near], ring[near] = distance <= _AROUND * radius, (distance <= width) & (known[near] > 0)
+    around[near], ring[near] = distance <= _LINE_RADII * radius, (distance <= width) & (known[near] > 0)
     del distance
     contrast, count = _contrast(planes, known)
     strange = _strange([*islice(planes(), _COLOURS), contrast], known, ring)
@@ -76,19 +81,19 @@ def expectation(planes: Planes, hole: Mask, present: Mask) -> tuple[Floats32, Fl
     for number, plane in enumerate(_blurred(chain(planes(), [contrast]), known, sigma)):
         like[..., number] = plane
     del contrast
-    told = _told_by_lines(like[..., :-1], known * around)
+    lines = _means_of_lines(like[..., :-1], known * around)
     gaps = hole | ~present
     box = gap_box(gaps)
     expected = np.zeros((*gaps[box].shape, like.shape[2]), np.float32)
-    left = like[box][..., :-1] if told is None else like[box][..., :-1] - told[box]
+    left = like[box][..., :-1] if lines is None else like[box][..., :-1] - lines[box]
     expected[..., :-1] = membrane(left, gaps[box])
-    if told is not None:
-        expected[..., :-1] += told[box]
+    if lines is not None:
+        expected[..., :-1] += lines[box]
     return expected, like
 
 
 def gap_box(gaps: Mask) -> tuple[slice, slice]:
-    """Select the rows and columns of a mask and of what decides what is expected there."""
+    """Select the rows and columns of a mask and of all pixels that decide what is expected there."""
     rows, columns = (
         slice(max(side.start // _GRID - 1, 0) * _GRID, side.stop + _GRID) for side in box_of(gaps)
     )
@@ -106,7 +111,9 @@ def _blurred(planes: Iterable[Floats32], known: Floats32, sigma: float) -> Itera
 
 
 def _contrast(planes: Planes, known: Floats32) -> tuple[Floats32, int]:
-    """Compute twice the steps to the next pixels, over all planes, and count these."""
+    """Compute the contrast, twice the sum of the steps to the next pixels over all planes; and count the
+    planes.
+    """
     steps = np.zeros(known.shape, np.float32)
     for first, second in _NEIGHBOURS:
         step: Floats32 = np.zeros(steps[first].shape, np.float32)
@@ -121,11 +128,11 @@ def _contrast(planes: Planes, known: Floats32) -> tuple[Floats32, int]:
     return steps, count
 
 
-def _told_by_lines(like: Floats32, weight: Floats32) -> Floats32 | None:
-    """Compute what the mean of its row, or of its column, says of each pixel; None where neither says most of
-    it.
+def _means_of_lines(like: Floats32, weight: Floats32) -> Floats32 | None:
+    """Compute the mean of the rows, or of the columns, at each pixel: (H, W, F), those that explain more of
+    the variance; None where neither explain enough.
     """
-    best, found = _TOLD, None
+    best, found = _LEAST_EXPLAINED, None
     planes = np.moveaxis(like, 2, 0)
     mass = max(float(weight.sum(dtype=float)), 1.0)
     means = [float((plane * weight).sum(dtype=float)) / mass for plane in planes]
@@ -145,9 +152,9 @@ def _told_by_lines(like: Floats32, weight: Floats32) -> Floats32 | None:
         apart = sum(
             _weighted_square(plane - lines[..., number], weight) for number, plane in enumerate(planes)
         )
-        told = 1 - apart / whole
-        if told > best:
-            best, found = told, np.broadcast_to(lines, like.shape)
+        explained = 1 - apart / whole
+        if explained > best:
+            best, found = explained, np.broadcast_to(lines, like.shape)
     return found
 
 
@@ -159,7 +166,7 @@ def _weighted_square(values: Floats32, weight: Floats32) -> float:
 
 
 def _strange(planes: Sequence[Floats32], known: Floats32, ring: Mask) -> Floats32:
-    """Compute how rarely something like each pixel occurs in a ring: (H, W), from 0 to `_STRANGE`."""
+    """Compute how rarely something like each pixel occurs in a ring: (H, W), from 0 to `_STRANGE_COST`."""
     bins = np.zeros(ring.shape, np.int32)
     for plane in _blurred(planes, known, _BLUR):
         bins *= _BINS
@@ -169,8 +176,8 @@ def _strange(planes: Sequence[Floats32], known: Floats32, ring: Mask) -> Floats3
     count = np.bincount(bins[ring], minlength=_BINS ** len(shape)).astype(np.float32).reshape(shape)
     for axis in range(count.ndim):
         count = ndimage.convolve1d(count, np.array([0.5, 1, 0.5], np.float32), axis, mode="constant")
-    rare = np.exp(-count / np.float32(_FEW * max(int(np.count_nonzero(ring)), 1)))
+    rare = np.exp(-count / np.float32(_STRANGE_SHARE * max(int(np.count_nonzero(ring)), 1)))
     result: Floats32 = rare.ravel().take(bins)
-    result *= np.float32(_STRANGE)
+    result *= np.float32(_STRANGE_COST)
     result *= known
     return result

@@ -11,14 +11,14 @@ from scipy import ndimage
 from toposeam.arrays import Floats32, Mask
 from toposeam.images import box_of
 
-#: Reach of a hole's surroundings, in radii of a disc of its area, and at least, px.
-_RADII, _LEAST = 2.0, 64
-#: Sides of the blocks that are compared, px.
-_SMALL, _LARGE = 24, 48
-#: Share of the variance that lies between the blocks' means from which on it is no texture, and the variation
-#: of the blocks' contrast. Of 19 textures and 11 photographs (benchmarks/texture_samples.py, texture_fill.py)
-#: no texture without slow light or lone objects has more, and every photograph of several things has.
-_MEANS, _CONTRASTS = 0.2, 0.3
+#: Reach of a hole's surroundings, in radii of a disc of its area, and least reach, px.
+_REACH_RADII, _LEAST_REACH = 2.0, 64
+#: Least and largest side of the blocks that are compared, px.
+_LEAST_BLOCK, _MOST_BLOCK = 24, 48
+#: Largest share of a texture's variance between the means of blocks, and largest coefficient of variation of
+#: the blocks' contrast. Of 19 textures and 11 photographs (benchmarks/texture_samples.py, texture_fill.py) no
+#: texture without slow light or lone objects has more, and every photograph of several things has.
+_MOST_BETWEEN, _MOST_CONTRAST_VARIATION = 0.2, 0.3
 
 
 def is_texture(features: Callable[[tuple[slice, slice]], Floats32], hole: Mask, known: Mask) -> bool:
@@ -32,13 +32,13 @@ def is_texture(features: Callable[[tuple[slice, slice]], Floats32], hole: Mask, 
         What has to go, and where there are values.
     """
     radius = float(np.sqrt(np.count_nonzero(hole) / np.pi))
-    reach = max(_RADII * radius, _LEAST)
+    reach = max(_REACH_RADII * radius, _LEAST_REACH)
     box = box_of(hole, math.ceil(reach))
     seen, hole, known = features(box), hole[box], known[box]
     near = (ndimage.distance_transform_edt(~hole) <= reach) & known & ~hole
     if not near.any():
         return True
-    side = int(np.clip(radius, _SMALL, _LARGE))
+    side = int(np.clip(radius, _LEAST_BLOCK, _MOST_BLOCK))
     rows, columns = (np.flatnonzero(near.any(axis=axis)) for axis in (1, 0))
     means, contrasts = [], []
     for top in range(int(rows[0]), int(rows[-1]) + 1, side // 2):
@@ -52,4 +52,6 @@ def is_texture(features: Callable[[tuple[slice, slice]], Floats32], hole: Mask, 
     if len(means) < 4 or whole == 0 or not any(contrasts):
         return True
     between = float(np.var(means, axis=0).sum()) / whole
-    return between < _MEANS and float(np.std(contrasts) / np.mean(contrasts)) < _CONTRASTS
+    return (
+        between < _MOST_BETWEEN and float(np.std(contrasts) / np.mean(contrasts)) < _MOST_CONTRAST_VARIATION
+    )

@@ -1,15 +1,15 @@
 """Candidate shifts to fill a hole: those by which the picture repeats itself, and those that fit the hole's
 surroundings.
 
-*How the picture repeats itself.* Each small window has its best match at some distance; over many windows
-the shifts between them and their matches pile up at a few, by which most of the picture can be laid on
-itself (He and Sun 2012, doi:10.1007/978-3-642-33709-3_2).
+*Repetition of the picture.* Each small window has its best match at some distance. Over many windows the
+shifts between windows and matches pile up at a few, by which most of the picture can be laid on itself (He
+and Sun 2012, doi:10.1007/978-3-642-33709-3_2).
 
-*What lies level.* What is at the same height is more likely alike, as along a horizon: shifts along the
-rows, and along the columns, that bring as much as possible.
+*Level shifts.* Pixels at the same height are more likely alike, as along a horizon. So shifts along the rows,
+and along the columns, are chosen that bring as much of the hole as possible.
 
-*What fits.* The ring round the whole hole, and windows on its rim, are searched for in the rest of the
-picture (:mod:`toposeam.texture.exemplar.patch_search`).
+*Fitting surroundings.* The ring round the whole hole, and windows on its rim, are searched for in the rest of
+the picture (:mod:`toposeam.texture.exemplar.patch_search`).
 """
 
 from __future__ import annotations
@@ -24,22 +24,28 @@ from toposeam.images import box_of
 from toposeam.texture.exemplar.atlas import Atlas
 from toposeam.texture.exemplar.patch_search import PatchSearch, box_sum, reduced, refined
 
-#: The statistics are taken on a picture of at most this many pixels, from windows of this side, px.
-_PIXELS, _WINDOW = 40_000, 8
-#: Windows whose match is looked for, and how many matches each is given to choose from.
+#: Largest picture, px, on which statistics of shifts are taken; larger ones are reduced.
+_MOST_PIXELS = 40_000
+#: Side of the windows that are matched, px.
+_WINDOW = 8
+#: Largest number of windows that are matched, and number of matches among which each may choose.
 _QUERIES, _MATCHES = 3000, 8
-#: Components in which windows are compared.
+#: Number of principal components by which windows are compared.
 _DIMENSIONS = 16
 #: Relative error allowed of the nearest match: its shift is one of thousands that vote.
-_ROUGHLY = 0.5
-#: Matches nearer than this share of the longer side say nothing.
-_NEAR = 1 / 15
-#: Windows on the rim, and how many places each contributes; how many the whole ring contributes.
-_RIM, _EACH, _WHOLE = 10, 2, 8
-#: Indices along rows and along columns, each; the share of the hole that one has to bring.
-_LEVEL, _WORTH = 6, 0.03
-#: Places tried for a pixel that no shift reaches.
-_TRIED = 40
+_MATCH_ERROR = 0.5
+#: Least distance of a match that counts, as a share of the longer side: pictures are smooth near by.
+_LEAST_DISTANCE = 1 / 15
+#: Number of windows on the rim of a hole, and of places that each contributes.
+_RIM_WINDOWS, _PLACES_PER_WINDOW = 10, 2
+#: Number of places that the ring round the whole hole contributes.
+_RING_PLACES = 8
+#: Largest number of shifts along the rows, and along the columns.
+_LEVEL_SHIFTS = 6
+#: Least share of the hole that such a shift brings.
+_LEAST_BROUGHT = 0.03
+#: Number of places tried for a pixel that no shift reaches.
+_PLACES_TRIED = 40
 
 
 def candidate_shifts(
@@ -55,7 +61,7 @@ def candidate_shifts(
     hole, missing : (H, W) bool array
         The hole, and all of the picture that has to go.
     count : int
-        How many shifts of the picture's own statistics.
+        Largest number of shifts from the picture's own statistics.
     rng : numpy.random.Generator
 
     Returns
@@ -77,8 +83,8 @@ def candidate_shifts(
 
 
 def _level(copied: Mask, hole: Mask) -> Indices:
-    """Find shifts along the rows, and along the columns, each of which brings most of what those before do
-    not.
+    """Find shifts along the rows, and along the columns; each brings most of the hole that those before it do
+    not bring.
     """
     found: list[tuple[int, int]] = []
     for axis in (0, 1):
@@ -88,11 +94,11 @@ def _level(copied: Mask, hole: Mask) -> Indices:
         size = sf.next_fast_len(2 * width, real=True)
         there = sf.rfft(given, size, axis=1)
         left = missing.copy()
-        for _ in range(_LEVEL):
+        for _ in range(_LEVEL_SHIFTS):
             wanted = np.conj(sf.rfft(left, size, axis=1))
             count = sf.irfft((there * wanted).sum(axis=0), size)
             step = int(count.argmax())
-            if count[step] < _WORTH * np.count_nonzero(missing):
+            if count[step] < _LEAST_BROUGHT * np.count_nonzero(missing):
                 break
             step = step if step < width else step - size
             found.append((0, step) if axis == 0 else (step, 0))
@@ -104,7 +110,7 @@ def _level(copied: Mask, hole: Mask) -> Indices:
 
 
 def _covering(copied: Mask, hole: Mask, shifts: Indices, rng: np.random.Generator) -> Indices:
-    """Further shifts, so that every pixel of the hole has one that brings it something."""
+    """Find further shifts, so that every pixel of the hole has one that brings it a pixel."""
     y, x = np.nonzero(hole)
 
     def covered(shift: npt.NDArray[np.intp], pixels: npt.NDArray[np.intp]) -> npt.NDArray[np.bool_]:
@@ -123,7 +129,7 @@ def _covering(copied: Mask, hole: Mask, shifts: Indices, rng: np.random.Generato
         pick = left[rng.integers(len(left))]
         # Near places first: what is near is more likely alike.
         near = np.argsort(np.hypot(rows - y[pick], columns - x[pick]), kind="stable")
-        tried = near[np.unique(np.geomspace(1, len(near), _TRIED).astype(int)) - 1]
+        tried = near[np.unique(np.geomspace(1, len(near), _PLACES_TRIED).astype(int)) - 1]
         places = np.stack([rows[tried] - y[pick], columns[tried] - x[pick]], axis=1)
         counts = np.array([covered(place, left).sum() for place in places])
         more.append(places[int(np.argmax(2 * counts >= counts.max()))])
@@ -134,7 +140,7 @@ def _covering(copied: Mask, hole: Mask, shifts: Indices, rng: np.random.Generato
 def _dominant(picture: Floats32, copied: Mask, hole: Mask, count: int, rng: np.random.Generator) -> Indices:
     """Return the shifts by which windows near the hole most often find their match."""
     factor = 1
-    while picture.shape[0] * picture.shape[1] / factor**2 > _PIXELS:
+    while picture.shape[0] * picture.shape[1] / factor**2 > _MOST_PIXELS:
         factor *= 2
     small, share = reduced(picture, copied.astype(np.float32), factor)
     if min(small.shape[:2]) < 3 * _WINDOW:
@@ -163,9 +169,9 @@ def _dominant(picture: Floats32, copied: Mask, hole: Mask, count: int, rng: np.r
         return np.zeros((0, 2), np.intp)
     from scipy.spatial import cKDTree  # a tenth of a second that textures do not need
 
-    _, match = cKDTree(points).query(points[asked], k=min(_MATCHES, len(points)), eps=_ROUGHLY)
+    _, match = cKDTree(points).query(points[asked], k=min(_MATCHES, len(points)), eps=_MATCH_ERROR)
     dy, dx = rows[match] - rows[asked, np.newaxis], columns[match] - columns[asked, np.newaxis]
-    far = np.hypot(dy, dx) > _NEAR * max(small.shape[:2])
+    far = np.hypot(dy, dx) > _LEAST_DISTANCE * max(small.shape[:2])
     first = far.argmax(axis=1)
     kept = far.any(axis=1)
     line = np.arange(len(asked))[kept]
@@ -223,14 +229,16 @@ def _fitting(atlas: Atlas, features: Floats32, hole: Mask, missing: Mask) -> Ind
     down, across = box_of(hole)
     extent = down.stop - down.start, across.stop - across.start
     ring = int(np.clip(max(extent) // 4, 8, 48))
-    windows = [(down.start - ring, across.start - ring, extent[0] + 2 * ring, extent[1] + 2 * ring, _WHOLE)]
+    windows = [
+        (down.start - ring, across.start - ring, extent[0] + 2 * ring, extent[1] + 2 * ring, _RING_PLACES)
+    ]
     side = int(np.clip(max(extent) // 2, 16, 64))
     rim = hole & ndimage.binary_dilation(~hole)
     y, x = np.nonzero(rim)
     angle = np.argsort(np.arctan2(y - y.mean(), x - x.mean()), kind="stable")
     windows += [
-        (int(y[k]) - side // 2, int(x[k]) - side // 2, side, side, _EACH)
-        for k in angle[np.linspace(0, len(angle), _RIM, endpoint=False).astype(int)].tolist()
+        (int(y[k]) - side // 2, int(x[k]) - side // 2, side, side, _PLACES_PER_WINDOW)
+        for k in angle[np.linspace(0, len(angle), _RIM_WINDOWS, endpoint=False).astype(int)].tolist()
     ]
     found = []
     for top, left, height, width, most in windows:

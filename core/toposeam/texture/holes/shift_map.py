@@ -6,11 +6,11 @@ doi:10.1109/ICCV.2009.5459159); beyond, the picture shows itself, which is shift
 
     Σ_(p,q) |I(p + s_p) - I(p + s_q)| + |I(q + s_p) - I(q + s_q)|  +  Σ_p λ |D(p + s_p) - D̄(p)|
 
-over neighbours p and q: the match cost of the seams, and a data term: D is what the picture is like round a
-pixel, and D̄ what the surroundings of the hole let expect there (:mod:`toposeam.texture.holes.expectation`).
-So a smooth sky is continued, a horizon stays level, and no object appears that was not there. The first term
-is a metric, so letting one shift expand over all others is a minimum cut
-(:mod:`toposeam.seam.exact.expansion` derives it).
+over neighbours p and q: the match cost of the seams, and a data term. D are the features of the picture at a
+pixel, and D̄ those expected there from the surroundings of the hole
+(:mod:`toposeam.texture.holes.expectation`). So a smooth sky is continued, a horizon stays level, and no
+object appears that was not there. The first term is a metric, so letting one shift expand over all others is
+a minimum cut (:mod:`toposeam.seam.exact.expansion` derives it).
 
 Coarse to fine: at stride f every f-th pixel of the picture blurred over f pixels stands for f × f, but shifts
 stay exact to the pixel. A finer stride decides again only near the seams of the coarser one, and not at all
@@ -29,11 +29,12 @@ from toposeam.texture.canvas.progress import stage
 from toposeam.texture.holes.expectation import expectation
 from toposeam.texture.holes.shift_map_moves import Ground, ShiftMoves
 
-#: Pixels of the region that decides, at the coarsest stride.
-_COARSE = 1500
-#: Where more pixels than this lie near the seams, these stay as a coarser stride has them.
+#: Largest number of pixels at the coarsest stride: there all shifts are tried.
+_COARSEST_PIXELS = 1500
+#: Largest number of pixels near the seams that are decided again at a finer stride; where there are more,
+#: seams stay as the coarser stride has them.
 _MOST_FREE = 150_000
-#: Sweeps over all shifts at the coarsest stride at most, and over those that show at finer ones.
+#: Largest number of sweeps over all shifts at the coarsest stride, and over those that show at finer ones.
 _SWEEPS, _FINE_SWEEPS = 3, 1
 
 
@@ -47,7 +48,7 @@ def shift_map(
     ground : Ground
     shifts : (K, 2) int array
     method : str
-        How seams are found.
+        Method by which seams are found.
     progress : callable, optional
         Called with the share of the work done.
 
@@ -57,7 +58,7 @@ def shift_map(
         Number of the shift at each pixel; -1 where the picture shows itself, and where nothing is allowed.
     """
     stride = 1
-    while np.count_nonzero(ground.near) / stride**2 > _COARSE:
+    while np.count_nonzero(ground.near) / stride**2 > _COARSEST_PIXELS:
         stride *= 2
     expected, like = expectation(ground.planes, ground.hole, ground.present)
     rows, columns = (np.flatnonzero(ground.near.any(axis=axis)) for axis in (1, 0))

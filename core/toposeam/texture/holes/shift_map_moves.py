@@ -18,14 +18,15 @@ from toposeam.seam.find import Method
 from toposeam.texture.canvas.progress import stage
 from toposeam.texture.holes.expectation import Planes, gap_box
 
-#: What the data term counts.
-_DATA = 6.0
-#: How far from a coarser seam, in coarser pixels, a finer one may run.
+#: Weight of the data term against the seams.
+_DATA_WEIGHT = 6.0
+#: Largest distance between a finer seam and the coarser one, in coarser pixels.
 _BAND = 2
-
-#: Where more pixels than this would be decided, counted once for each shift that may expand there, it is done
-#: window by window, of this many rows and columns, and shifts expand only beyond their own edges.
-_AT_ONCE, _SIDE = 1_000_000, 128
+#: Largest number of decisions, pixels times shifts, of a whole region. Above it the region is decided window
+#: by window, and shifts expand only beyond their own edges.
+_MOST_DECISIONS = 1_000_000
+#: Height and width of these windows, px.
+_WINDOW = 128
 
 Part = tuple[slice, slice]
 EVERYWHERE: Part = np.s_[:, :]
@@ -35,7 +36,8 @@ EVERYWHERE: Part = np.s_[:, :]
 class Ground:
     """The picture that shifts copy from."""
 
-    #: What is compared, anything in the hole; made again each time, as floats would take much memory.
+    #: Features that are compared, anything in the hole; made anew each time, as floats would take much
+    #: memory.
     planes: Planes
     #: (H, W) bool: what has to go; what may be copied; where the picture has pixels.
     hole: Mask
@@ -55,10 +57,10 @@ class ShiftMoves:
     box : (slice, slice)
         Rows and columns of the picture where shifts are chosen.
     stride : int
-        How far apart, px, the pixels that stand for all are.
+        Distance, px, between the pixels that stand for all.
     expected, like : (h, w, F + 2), (H, W, F + 2) float32 arrays
-        What the surroundings let expect in the box of what the picture lacks
-        (:func:`toposeam.texture.holes.expectation.gap_box`), and what each pixel is like; the features first.
+        Features expected from the surroundings in the box of the picture's gaps
+        (:func:`toposeam.texture.holes.expectation.gap_box`), and those of each pixel.
     """
 
     def __init__(
@@ -97,10 +99,10 @@ class ShiftMoves:
         self.wanted = expected[self._at(within, expected.shape)]
         deepest = ndimage.distance_transform_edt(ground.hole[box_of(ground.hole, 1)]).max()
         radius = max(float(deepest), 1.0)
-        self.weight = (np.float32(_DATA * stride / radius) * self.hole).astype(np.float32)
+        self.weight = (np.float32(_DATA_WEIGHT * stride / radius) * self.hole).astype(np.float32)
         self._like = like
         self.label = np.full(self.hole.shape, self.itself, np.intp)
-        #: How far beyond their edges shifts expand; None for anywhere.
+        #: Distance beyond their edges within which shifts expand; None for anywhere.
         self._reach: int | None = None
 
     def _at(self, box: tuple[slice, slice], shape: tuple[int, ...]) -> tuple[npt.NDArray[np.intp], ...]:
@@ -224,7 +226,7 @@ class ShiftMoves:
     ) -> None:
         """Expand shift after shift until nothing gets better, in one window after another."""
         order, decide = set(order), CutSolver.of(method, {})
-        if np.count_nonzero(self.free) * len(order) <= _AT_ONCE:
+        if np.count_nonzero(self.free) * len(order) <= _MOST_DECISIONS:
             self._reach = None
         windows = list(self._windows())
         for number, window in enumerate(windows):
@@ -259,7 +261,7 @@ class ShiftMoves:
     def _windows(self) -> Iterator[Part]:
         """Yield the whole region, or windows of it that have something to decide, where that is much."""
         height, width = self.label.shape
-        side = max(height, width) if self._reach is None else _SIDE
+        side = max(height, width) if self._reach is None else _WINDOW
         for top in range(0, height, side):
             for left in range(0, width, side):
                 window = slice(top, min(top + side, height)), slice(left, min(left + side, width))

@@ -16,10 +16,12 @@ from scipy import ndimage
 from toposeam.heat.poisson import add_steps, spread
 from toposeam.images import in_dtype
 
-#: Blur along a border, as a share of its length, and how many lines beside it are averaged.
-_ALONG, _LINES = 0.08, 8
-#: A step of more than that share of white is no light.
-_LIGHT = 0.3
+#: Standard deviation of the blur along a border, as a share of its length.
+_BLUR_SHARE = 0.08
+#: Number of lines beside a border that are averaged.
+_LINES = 8
+#: Largest step across a border that counts as light, as a share of white.
+_MOST_STEP = 0.3
 
 
 def levelled_borders(image: npt.NDArray[Any], wraps: tuple[bool, bool], white: float) -> npt.NDArray[Any]:
@@ -65,9 +67,9 @@ def _step(plane: npt.NDArray[np.float64], axis: int, closed: bool, white: float)
     lines = min(_LINES, plane.shape[axis] // 2)
     near = np.moveaxis(plane, axis, 0)
     apart = near[:lines].mean(axis=0) - near[-lines:].mean(axis=0)
-    reach = _ALONG * len(apart)
+    reach = _BLUR_SHARE * len(apart)
     smooth = ndimage.gaussian_filter1d(
-        np.clip(apart, -_LIGHT * white, _LIGHT * white), reach, mode="wrap" if closed else "nearest"
+        np.clip(apart, -_MOST_STEP * white, _MOST_STEP * white), reach, mode="wrap" if closed else "nearest"
     )
     line: npt.NDArray[np.float64] = np.expand_dims(smooth, axis)
     return line

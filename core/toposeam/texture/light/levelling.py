@@ -3,7 +3,7 @@ them.
 
 A region of copies keeps the gradients of each copy, takes the mean of both sides' gradients across a seam,
 and has the picture's values where it ends: a Poisson equation (Pérez et al. 2003,
-doi:10.1145/882262.882269). What it adds to the copies is smooth within each of them, so detail stays. Where
+doi:10.1145/882262.882269). Its correction is smooth within each of the copies, so detail stays. Where
 two copies differ by more than light does, nothing is levelled across their seam: it is an edge, and its
 difference would bleed into both.
 """
@@ -19,17 +19,21 @@ from scipy.sparse import linalg
 
 from toposeam.arrays import Floats, Floats32, Ints32, Mask
 
-#: Systems of up to this many unknowns are factorised; larger ones are iterated.
+#: Largest number of unknowns of a system that is factorised; larger ones are iterated, which takes less
+#: memory.
 _DIRECT = 60_000
 _SYMMETRIC: Any = {
     "permc_spec": "MMD_AT_PLUS_A",
     "diag_pivot_thresh": 0.0,
     "options": {"SymmetricMode": True},
 }
-#: Side of the blocks that are one unknown of the coarse system, px; the residual's share that is left; steps.
-_BLOCK, _TOLERANCE, _MOST_STEPS = 8, 5e-4, 200
-#: A difference across a seam, in shares of white, that is levelled with half the weight.
-_LIGHT = 0.1
+#: Least side, px, of the blocks that are one unknown each of the coarse system.
+_LEAST_BLOCK = 8
+#: Relative residual at which the iteration ends, and largest number of its steps.
+_TOLERANCE, _MOST_STEPS = 5e-4, 200
+#: Difference across a seam, as a share of white, that is levelled with half the weight; much larger ones are
+#: edges.
+_HALF_WEIGHT = 0.1
 
 _NEIGHBOURS: Any = ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:]))
 
@@ -42,7 +46,7 @@ def membrane(values: Floats32, region: Mask) -> Floats32:
     Parameters
     ----------
     values : (H, W, F) float32 array
-        Whatever in the region.
+        Any values in the region.
     region : (H, W) bool array
 
     Returns
@@ -79,8 +83,7 @@ def membrane(values: Floats32, region: Mask) -> Floats32:
 def levelled(
     plane: npt.NDArray[Any], usable: Mask, index: Ints32, region: Mask, white: float = 1.0
 ) -> Floats32:
-    """Compute what has to be added to the copies in a region so that they fit each other and what surrounds
-    them.
+    """Compute the correction of the copies in a region by which they fit each other and their surroundings.
 
     Parameters
     ----------
@@ -89,9 +92,9 @@ def levelled(
     usable : (AH, AW) bool array
         Where it has a value.
     index : (H, W) int32 array
-        Flat index into the plane of what shows at each pixel.
+        Flat index into the plane of the pixel that shows.
     region : (H, W) bool array
-        What may change.
+        Pixels that may change.
     white : float
         The range of the picture's values.
 
@@ -131,7 +134,7 @@ def _steps(
     at_p, at_q, at_ahead, at_behind = (_values(plane, places) for places in (p, q, ahead, behind))
     mean = ((at_ahead - at_p) * known_p + (at_q - at_behind) * known_q) / count
     apart = (np.abs(at_ahead - at_q) * known_p + np.abs(at_p - at_behind) * known_q) / count
-    weight = 1 / (1 + (apart.max(axis=2) / (_LIGHT * white)) ** 4)
+    weight = 1 / (1 + (apart.max(axis=2) / (_HALF_WEIGHT * white)) ** 4)
     return mean, np.where(shown, weight, 0).astype(np.float32)
 
 
@@ -146,7 +149,7 @@ def _poisson(values: Floats32, region: Mask, steps: Steps) -> Floats32:
     Parameters
     ----------
     values : (H, W, F) array
-        What stands outside of the region.
+        Values outside of the region.
     region : (H, W) bool array
     steps : list of two pairs
         The wanted step from each pixel to its right, and to its lower neighbour, and its weight.
@@ -163,7 +166,7 @@ def _poisson(values: Floats32, region: Mask, steps: Steps) -> Floats32:
     # Of each row of the matrix, in the order of its columns: the pixel above, to the left, itself, and so on.
     columns, entries = np.full((n, 5), -1, np.int32), np.zeros((n, 5))
     columns[:, 2] = np.arange(n)
-    # What nothing holds keeps its value.
+    # A pixel without neighbours keeps its value.
     entries[:, 2] = 1e-6
     for (s, t), (step, weight), places in zip(_NEIGHBOURS, steps, ((3, 1), (4, 0)), strict=True):
         for first, second, sign, place in ((s, t, -1.0, places[0]), (t, s, 1.0, places[1])):
@@ -175,10 +178,10 @@ def _poisson(values: Floats32, region: Mask, steps: Steps) -> Floats32:
             wanted[here[outside]] += share[outside, np.newaxis] * values[second][inner][outside]
             columns[here, place] = there
             entries[here, place] = -share
-    held = columns >= 0
-    ends = np.concatenate([[0], np.cumsum(np.count_nonzero(held, axis=1))])
-    matrix = sparse.csr_matrix((entries[held], columns[held], ends), (n, n))
-    del number, columns, entries, held
+    filled = columns >= 0
+    ends = np.concatenate([[0], np.cumsum(np.count_nonzero(filled, axis=1))])
+    matrix = sparse.csr_matrix((entries[filled], columns[filled], ends), (n, n))
+    del number, columns, entries, filled
     if n <= _DIRECT:
         solved = linalg.splu(sparse.csc_matrix(matrix), **_SYMMETRIC).solve(wanted)
     else:
@@ -191,7 +194,7 @@ def _iterated(matrix: sparse.csr_matrix, wanted: Floats, found: Floats32, region
     """Solve by conjugate gradients for all channels at once, from what is given first, with a coarse system
     to carry what is far: one unknown for each block of pixels.
     """
-    side = max(_BLOCK, round(np.sqrt(len(wanted) / _DIRECT)))
+    side = max(_LEAST_BLOCK, round(np.sqrt(len(wanted) / _DIRECT)))
     rows, columns = (line.astype(np.int32) for line in np.nonzero(region))
     _, block = np.unique(rows // side * region.shape[1] + columns // side, return_inverse=True)
     del rows, columns

@@ -1,9 +1,10 @@
 """Steps that levelling leaves at seams, eased into the copies on both sides.
 
-What is added to the copies solves a screened Poisson equation: across a seam it has the step that makes the
-picture's gradient the mean of both copies' there, within a copy none, and it dies away with the distance. On
-a plane, a cylinder or a torus that is one transform each way. What changes quickly along a seam, as the ends
-of fibres, is eased within a few pixels; what hardly does, as light, as far as the screening lets it.
+The correction that is added to the copies solves a screened Poisson equation. Across a seam it has the step
+that makes the picture's gradient the mean of both copies' gradients there; within a copy it has none, and it
+dies away with the distance. On a plane, a cylinder or a torus that is one transform each way. Steps that
+change quickly along a seam, as at the ends of fibres, are eased within a few pixels; steps that hardly
+change, as of light, are eased as far as the screening length.
 """
 
 from __future__ import annotations
@@ -21,15 +22,16 @@ from toposeam.texture.canvas.rendering import Lift
 from toposeam.texture.exemplar.sources import Sources
 from toposeam.texture.light.slow_light import CopyLight, has_slow_light
 
-#: How far a step reaches, px.
+#: Screening length, px: distance over which an eased step dies away.
 _REACH = 12.0
-#: A step, in shares of white, of which half is eased; what is much larger is an edge.
-_EDGE = 0.3
-#: A sample is smooth where periods below `_FINE` px hold at most this share of its variance.
-_FINE, _SHARE = 8, 0.1
-#: Deviation of the blur before gradients are taken, px; fibres have at most this share of the variance across
-#: them along them.
-_GRADIENT, _ALONG = 1.5, 0.05
+#: Step, as a share of white, of which half is eased; much larger ones are edges.
+_HALF_EASED = 0.3
+#: Shorter periods, px, are fine detail, and largest share of its variance that a smooth sample has there.
+_FINE_PERIOD, _MOST_FINE = 8, 0.1
+#: Standard deviation, px, of the blur before gradients are taken.
+_GRADIENT_BLUR = 1.5
+#: Largest variance of gradients along fibres, as a share of that across them.
+_MOST_ALONG = 0.05
 
 #: Whether light is levelled, or steps are eased only.
 Level = bool | Literal["steps"]
@@ -68,7 +70,7 @@ def is_smooth(features: Floats32, usable: Mask) -> bool:
     power = np.square(np.abs(np.fft.fft2((values - values.mean()) * window)))
     power[0, 0] = 0
     frequency = np.hypot(*np.meshgrid(*map(np.fft.fftfreq, usable.shape), indexing="ij"))
-    return bool(power[frequency > 1 / _FINE].sum() <= _SHARE * power.sum())
+    return bool(power[frequency > 1 / _FINE_PERIOD].sum() <= _MOST_FINE * power.sum())
 
 
 def is_fibrous(features: Floats32, usable: Mask) -> bool:
@@ -92,10 +94,10 @@ def is_fibrous(features: Floats32, usable: Mask) -> bool:
     """
     values = _brightness(features, usable)
     down, right = (
-        ndimage.gaussian_filter(values, _GRADIENT, order=order)[usable] for order in ((1, 0), (0, 1))
+        ndimage.gaussian_filter(values, _GRADIENT_BLUR, order=order)[usable] for order in ((1, 0), (0, 1))
     )
     least, most = np.linalg.eigvalsh(np.cov(np.stack([down, right]), bias=True))
-    return bool(most > 0 and least <= _ALONG * most)
+    return bool(most > 0 and least <= _MOST_ALONG * most)
 
 
 def _brightness(features: Floats32, usable: Mask) -> Floats32:
@@ -115,7 +117,7 @@ class EasedLight:
     light : CopyLight
         The light that copies are given.
     index, labels : (H, W) int32 arrays
-        What shows at each pixel, and the number of the patch.
+        Flat index and number of the patch that show at each pixel.
     wraps : (bool, bool)
         Whether rows and columns continue at the opposite border.
     """
@@ -147,7 +149,7 @@ class EasedLight:
         second: npt.NDArray[np.intp],
         step: int,
     ) -> Floats32:
-        """Compute what is added to the steps (n, C) from some pixels to their neighbours."""
+        """Compute the correction of the steps (n, C) from some pixels to their neighbours."""
         light, flat, usable = self._light, plane.reshape(-1, plane.shape[2]), self._light.atlas.usable.ravel()
         p, q = self._index.take(first), self._index.take(second)
         ahead, behind = np.minimum(p + step, len(flat) - 1), np.maximum(q - step, 0)
@@ -161,7 +163,7 @@ class EasedLight:
         apart = (after - there) * known[:, :1] + (here - before) * known[:, 1:]
         apart /= np.maximum(known.sum(axis=1, keepdims=True), 1)
         white = (light.high - light.low) or 1.0
-        apart /= 1 + (np.abs(apart).max(axis=1, keepdims=True) / (_EDGE * white)) ** 4
+        apart /= 1 + (np.abs(apart).max(axis=1, keepdims=True) / (_HALF_EASED * white)) ** 4
         result: Floats32 = apart.astype(np.float32, copy=False)
         return result
 

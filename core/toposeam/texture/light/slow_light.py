@@ -29,19 +29,19 @@ from toposeam.texture.canvas.copy_borders import ROWS, joints
 from toposeam.texture.exemplar.atlas import Atlas
 from toposeam.texture.exemplar.sources import Images, as_list
 
-#: Share of a sample's variance that a quadratic surface explains, from which on its light counts as slow.
-_SLOW = 0.1
-#: A difference across a seam, in shares of white, that counts half.
-_LIGHT = 0.15
-#: What an offset, and a slope across the whole sample, counts against the seams of the copy: what seams leave
-#: of a step is carried on over a few patches, not over the whole texture.
-_OFFSET, _SLOPE = 0.1, 0.2
-#: Added to values, in shares of white, before their logarithm is taken.
-_BLACK = 0.05
-#: Approximate number of pixels of a texture that tell how bright it is.
-_LOOKED_AT = 1 << 13
-#: Light is nowhere taken to be darker than this share of its mean.
-_DARKEST = 0.1
+#: Least share of a sample's variance that a quadratic surface explains where its light is slow.
+_LEAST_EXPLAINED = 0.1
+#: Difference across a seam, as a share of white, that counts half; much larger ones are edges.
+_HALF_WEIGHT = 0.15
+#: Weight of a copy's offset, and of its slope across the whole sample, against its seams: so a step that
+#: seams leave is carried on over a few patches, not over the whole texture.
+_OFFSET_WEIGHT, _SLOPE_WEIGHT = 0.1, 0.2
+#: Share of white that is added to values before their logarithm is taken, so that black has one.
+_FLOOR = 0.05
+#: Number of pixels of a texture, about, by which its brightness is measured.
+_SAMPLES = 1 << 13
+#: Least value of fitted light, as a share of its mean, so that no quotient explodes.
+_LEAST_LIGHT = 0.1
 
 
 def has_slow_light(features: Floats32, usable: Mask) -> bool:
@@ -60,14 +60,14 @@ def has_slow_light(features: Floats32, usable: Mask) -> bool:
     along, mean = basis.T @ values, values.mean(axis=0)
     none = len(values) * float(np.square(mean).sum())
     whole = float(np.square(values).sum()) - none
-    # What a least-squares surface leaves is orthogonal to it.
-    return whole > 0 and float((_fitted(basis, along) * along).sum()) - none >= _SLOW * whole
+    # The residual of a least-squares surface is orthogonal to it.
+    return whole > 0 and float((_fitted(basis, along) * along).sum()) - none >= _LEAST_EXPLAINED * whole
 
 
 def without_light(features: Floats32, present: Mask, copied: Mask) -> Floats32:
-    """Take slow light out of features, about their mean: what structure is compared by.
+    """Take slow light out of features, which keep their mean, so that structure is compared.
 
-    The light is that of what is copied; what lies beside it is only compared.
+    Light is fitted to the pixels that may be copied; the others are only compared.
     """
     even = features - _surface(features, copied) + features[copied].mean(axis=0)
     result: Floats32 = np.where(present[..., np.newaxis], even, 0).astype(np.float32)
@@ -125,7 +125,7 @@ def flatten_light(
     deep = values[..., np.newaxis] if values.ndim == 2 else values
     light = _surface(deep, where)
     mean = deep[where].mean(axis=0)
-    flat = deep * mean / np.maximum(light, np.maximum(_DARKEST * np.abs(mean), 1e-12))
+    flat = deep * mean / np.maximum(light, np.maximum(_LEAST_LIGHT * np.abs(mean), 1e-12))
     flat = flat[..., 0] if values.ndim == 2 else flat
     if np.issubdtype(array.dtype, np.integer):
         flat = np.clip(flat, 0, float(data_range or full_scale(array.dtype)))
@@ -158,7 +158,7 @@ def _terms(shape: tuple[int, ...]) -> Floats:
 
 
 def _fitted(basis: Floats, along: Floats) -> Floats:
-    """Compute the least-squares factors of (n, 6) terms, (6, C), from what values (n, C) have along each."""
+    """Compute the least-squares factors (6, C) of (n, 6) terms, given their products with values (n, C)."""
     return np.asarray(np.linalg.lstsq(basis.T @ basis, along, rcond=None)[0], np.float64)
 
 
@@ -182,7 +182,7 @@ class CopyLight:
         return cls(atlas=atlas, coefficients=none, floor=np.float32(0), low=low, high=high)
 
     def gain(self, index: Ints32, labels: Ints32, channels: slice = slice(None)) -> Floats32:
-        """Compute the gain (…, C) at pixels, given by what shows there and the number of the patch."""
+        """Compute the gain (…, C) at pixels, given by flat index and number of the patch that show there."""
         chosen = range(self.coefficients.shape[2])[channels]
         result = np.ones((*index.shape, len(chosen)), np.float32)
         if len(self.coefficients):
@@ -197,7 +197,7 @@ class CopyLight:
         return result
 
     def offset(self, gain: Floats32) -> Floats32:
-        """Compute what is added to a value that has been multiplied by a gain."""
+        """Compute the offset of a value that has been multiplied by a gain."""
         result: Floats32 = (gain - 1) * self.floor
         return result
 
@@ -222,7 +222,7 @@ def levelled_copies(
         no matter of light.
     atlas : Atlas
     index, labels : (H, W) int32 arrays
-        What shows at each pixel, and the number of the patch.
+        Flat index and number of the patch that show at each pixel.
     copies : (P,) int32 array
         The first patch of the copy that each patch belongs to.
     wraps : (bool, bool)
@@ -234,7 +234,7 @@ def levelled_copies(
     """
     given, level = plane.reshape(-1, plane.shape[2]), even.reshape(-1, even.shape[2])
     white, usable = float(np.abs(plane[atlas.copied]).max()) or 1.0, atlas.usable.ravel()
-    flat = np.log(np.maximum(given, 0) / white + _BLACK)  # light multiplies
+    flat = np.log(np.maximum(given, 0) / white + _FLOOR)  # light multiplies
     certain = np.square(np.exp(flat).mean(axis=1))
     certain /= certain[atlas.copied.ravel()].mean()
     parts = []
@@ -246,19 +246,19 @@ def levelled_copies(
         known = np.stack([usable[behind], usable[ahead]], axis=1).astype(np.float32)
         apart = (flat[p] - flat[behind]) * known[:, :1] + (flat[ahead] - flat[q]) * known[:, 1:]
         apart /= np.maximum(known.sum(axis=1, keepdims=True), 1)
-        off = np.maximum(
+        differs = np.maximum(
             np.abs(level[p] - level[behind]) * known[:, :1], np.abs(level[ahead] - level[q]) * known[:, 1:]
         )
-        weight = known.any(axis=1) / (1 + (off.max(axis=1, initial=0) / _LIGHT) ** 4)
+        weight = known.any(axis=1) / (1 + (differs.max(axis=1, initial=0) / _HALF_WEIGHT) ** 4)
         weight *= np.minimum(certain[p], certain[q])
         terms = np.concatenate([_coordinates(atlas, p), -_coordinates(atlas, q)], axis=1)
         parts.append(_pairs(a, b, terms, apart, weight))
-    matrix, wanted = _equations(parts, _even(flat, atlas, index, labels, copies))
+    matrix, wanted = _equations(parts, _slope_coefficients(flat, atlas, index, labels, copies))
     solved = linalg.splu(matrix).solve(wanted) if len(copies) else wanted
     light = dataclasses.replace(
         CopyLight.of(plane, atlas),
         coefficients=solved.reshape(len(copies), 3, -1)[copies],
-        floor=np.float32(_BLACK * white),
+        floor=np.float32(_FLOOR * white),
     )
     return _as_bright(light, plane, index, labels) if len(copies) else light
 
@@ -267,7 +267,7 @@ def _as_bright(light: CopyLight, plane: Floats32, index: Ints32, labels: Ints32)
     """Shift the light so that the values of the texture are nearest to those of its exemplars, each to that
     of its rank; agreement along seams leaves that open.
     """
-    atlas, step = light.atlas, max(1, round((index.size / _LOOKED_AT) ** 0.5))
+    atlas, step = light.atlas, max(1, round((index.size / _SAMPLES) ** 0.5))
     index, labels = index[::step, ::step], labels[::step, ::step]
     shown = index >= 0
     index, labels = index[shown], labels[shown]
@@ -296,16 +296,16 @@ def _as_bright(light: CopyLight, plane: Floats32, index: Ints32, labels: Ints32)
 def _pairs(
     a: Ints32, b: Ints32, terms: Floats, apart: npt.NDArray[Any], weight: npt.NDArray[Any]
 ) -> tuple[npt.NDArray[np.intp], Floats, Floats, Floats]:
-    """Sum what joints ask of the copies that meet there, by pairs of copies.
+    """Sum the normal equations of joints by the pairs of copies that meet there.
 
     Parameters
     ----------
     a, b : (n,) int32 arrays
         The two copies.
     terms : (n, 6) array
-        What multiplies their coefficients in the difference of their light.
+        Factors of their coefficients in the difference of their light.
     apart : (n, C) array
-        How much brighter the first copy is.
+        Difference in brightness of the first copy from the second.
     weight : (n,) array
 
     Returns
@@ -345,12 +345,14 @@ def _equations(
     wanted = np.zeros((size, even.shape[2]))
     np.add.at(wanted, line, wishes)
     known = 1 + np.bincount(pairs.ravel(), weights.repeat(2), len(even))
-    least = np.stack([_OFFSET * known, _SLOPE * known, _SLOPE * known], axis=1).ravel()
+    least = np.stack([_OFFSET_WEIGHT * known, _SLOPE_WEIGHT * known, _SLOPE_WEIGHT * known], axis=1).ravel()
     wanted += least[:, np.newaxis] * even.reshape(size, -1)
     return sparse.csc_matrix(matrix + sparse.diags(least)), wanted
 
 
-def _even(flat: Floats32, atlas: Atlas, index: Ints32, labels: Ints32, copies: Ints32) -> Floats:
+def _slope_coefficients(
+    flat: Floats32, atlas: Atlas, index: Ints32, labels: Ints32, copies: Ints32
+) -> Floats:
     """Compute the coefficients that would take the slopes of its exemplar's light out of each copy."""
     slopes = []
     for place in atlas.places:

@@ -13,12 +13,12 @@ from scipy import ndimage
 
 from toposeam.arrays import Floats, Indices
 
-#: Share of the best lattice's correlation that a finer one must reach to be taken, on all of its points.
-_FINER = 0.85
-#: Peaks of the autocorrelation that are tried as vectors, and lattices that are fitted.
-_PEAKS, _FITTED = 24, 20
-#: Points of a lattice, at most, by which it is fitted.
-_POINTS = 400
+#: Least correlation of a finer lattice that is taken instead of the best one, as a share of the best one's.
+_FINER_SHARE = 0.85
+#: Largest number of peaks of the autocorrelation that are tried as vectors, and of lattices that are fitted.
+_MOST_PEAKS, _MOST_FITTED = 24, 20
+#: Largest number of points by which a lattice is fitted.
+_MOST_POINTS = 400
 
 
 def finest_lattice(smooth: Floats, element: int) -> Floats | None:
@@ -38,7 +38,7 @@ def finest_lattice(smooth: Floats, element: int) -> Floats | None:
     if not first:
         return None
     most = max(score for score, _, _ in first)
-    tried = sorted((one for one in first if one[0] >= 0.75 * most), key=lambda one: one[1])[:_FITTED]
+    tried = sorted((one for one in first if one[0] >= 0.75 * most), key=lambda one: one[1])[:_MOST_FITTED]
     fitted, tops = [], _tops(smooth)
     for _, _, vectors in tried:
         better = _reduced(*_refined(tops, vectors).ravel().tolist())
@@ -47,7 +47,7 @@ def finest_lattice(smooth: Floats, element: int) -> Floats | None:
     if not fitted:
         return None
     most = max(score for score, _, _ in fitted)
-    fine = [one for one in fitted if one[0] >= _FINER * most] or fitted
+    fine = [one for one in fitted if one[0] >= _FINER_SHARE * most] or fitted
     return min(fine, key=lambda one: one[1])[2]
 
 
@@ -61,9 +61,9 @@ def _peaks(smooth: Floats, element: int) -> Floats:
     kept = (np.hypot(y, x) > element) & ((y > 0) | ((y == 0) & (x > 0)))
     y, x = y[kept], x[kept]
     value, distance = smooth[y + height, x + width], np.hypot(y, x)
-    highest = np.argsort(-value, kind="stable")[: _PEAKS // 2]
+    highest = np.argsort(-value, kind="stable")[: _MOST_PEAKS // 2]
     nearest = np.argsort(np.where(value >= 0.4 * value.max(initial=0), distance, np.inf), kind="stable")
-    chosen = np.unique(np.concatenate([highest, nearest[: _PEAKS // 2]]))
+    chosen = np.unique(np.concatenate([highest, nearest[: _MOST_PEAKS // 2]]))
     return np.stack([y[chosen], x[chosen]], axis=1).astype(float)
 
 
@@ -177,8 +177,8 @@ def _refined(tops: tuple[Floats, Floats], vectors: Floats) -> Floats:
     height, width = len(values) - 1, values.shape[1] // 2
     for share in (0.35, 0.6, 0.8, 0.8):
         whole, shifts = _points(vectors, (share * height, share * width))
-        if len(whole) > _POINTS:
-            some = np.sort(np.random.default_rng(0).choice(len(whole), _POINTS, replace=False))
+        if len(whole) > _MOST_POINTS:
+            some = np.sort(np.random.default_rng(0).choice(len(whole), _MOST_POINTS, replace=False))
             whole, shifts = whole[some], shifts[some]
         at = _flat(shifts, values.shape[1])
         value = values.take(at)

@@ -20,30 +20,29 @@ from toposeam.texture.exemplar.scale import autocorrelation
 from toposeam.texture.exemplar.sources import UNSEEN_STEP
 from toposeam.texture.periodicity.lattice_fit import finest_lattice, mean_on
 
-#: Mean correlation with itself on the lattice from which on a texture counts as ordered, by two vectors and
-#: along one direction.
+#: Least mean autocorrelation on the lattice of an ordered texture: by two vectors, and along one direction.
 ORDERED, ORDERED_LINES = 0.25, 0.15
-#: Largest correlation half-way between two lattice points, as a share of that on them: little less than that
+#: Largest autocorrelation half-way between two lattice points, as a share of that on them. It is little less
 #: where the threads of one direction are pale; along stripes and courses it is as high everywhere.
-_BETWEEN = 0.9
-#: Lines that keep step correlate with the next ones at least this much of how they do with themselves; and
-#: lattices as much far away as near by. What does not is ordered by eye, but wanders.
-_KEPT = 0.85
-#: Largest stretch of an order so that it closes, as a share, and the stretch that is not seen. Lines that are
-#: bent a little where patches meet look better than such as break; beyond, hexagons get borders twice.
+_MOST_BETWEEN = 0.9
+#: Least autocorrelation on multiples of a period of lines, as a share of that at 0, and on far points of a
+#: lattice, as a share of that on all. A texture with less looks ordered, but its order wanders.
+_LEAST_KEPT = 0.85
+#: Largest stretch by which an order is made to close, and largest stretch that is not seen, as shares. Lines
+#: that are bent a little where patches meet look better than broken ones; beyond, hexagons get borders twice.
 STRETCH, UNSEEN = 0.12, 0.005
-#: Of larger exemplars, px a side, the middle tells the order.
-_LOOKED_AT = 512
-#: Side of a box, px: three of them, one after the other, blur like a Gaussian of 23.5 px, and what is slower
-#: is light.
-_SLOW = 47
-#: Waves whose directions are tried, and by how many degrees these are turned to be exact.
-_WAVES, _TURNS = 6, (np.arange(-3, 3.1, 0.5), np.array([-0.25, 0.25]))
+#: Largest side, px, of the middle part of an exemplar in which its order is measured.
+_MEASURED_SIDE = 512
+#: Side of a box, px: three of them, one after the other, blur like a Gaussian of 23.5 px. Slower changes
+#: count as light.
+_LIGHT_BOX = 47
+#: Number of waves whose directions are tried, and the turns in degrees by which these are refined.
+_WAVES, _TURNS_DEG = 6, (np.arange(-3, 3.1, 0.5), np.array([-0.25, 0.25]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Order:
-    """On which lattice a texture repeats itself."""
+    """The lattice on which a texture repeats itself."""
 
     #: (n, 2) reciprocal vectors (y, x), cycles per px; n is 1 or 2.
     reciprocal: Floats
@@ -105,11 +104,12 @@ def _closing(cycles: Floats, finest: float, length: int, within: bool) -> int:
 
 
 def looked_at(shape: tuple[int, ...]) -> tuple[slice, ...]:
-    """Select the rows and columns that tell the order of an exemplar: all of it, or the middle of a large
-    one.
+    """Select the rows and columns in which the order of an exemplar is measured: all, or the middle of a
+    large one.
     """
     return tuple(
-        slice(max(length - _LOOKED_AT, 0) // 2, (length + min(length, _LOOKED_AT)) // 2) for length in shape
+        slice(max(length - _MEASURED_SIDE, 0) // 2, (length + min(length, _MEASURED_SIDE)) // 2)
+        for length in shape
     )
 
 
@@ -146,7 +146,7 @@ def find_order(features: Floats32, usable: Mask) -> Order | None:
         strength = mean_on(smooth, lattice)
         far = mean_on(smooth, lattice, beyond=0.4)
         between = max(mean_on(smooth, lattice, half) for half in lattice / 2)
-        if strength >= ORDERED and between <= _BETWEEN * strength and far >= _KEPT * strength:
+        if strength >= ORDERED and between <= _MOST_BETWEEN * strength and far >= _LEAST_KEPT * strength:
             return Order(np.asarray(np.linalg.inv(lattice).T, np.float64), strength)
     return _lines(smooth, element)
 
@@ -155,7 +155,7 @@ def _detail(features: Floats32) -> Floats32:
     """Take slow light out of features."""
     slow = features
     for axis in (0, 1) * 3:
-        slow = ndimage.uniform_filter1d(slow, _SLOW, axis)
+        slow = ndimage.uniform_filter1d(slow, _LIGHT_BOX, axis)
     return features - slow
 
 
@@ -164,7 +164,7 @@ def _lines(smooth: Floats, element: int) -> Order | None:
     which the mean autocorrelation along lines rises and falls most regularly.
     """
     best, angle, period = 0.0, 0.0, 0.0
-    for turns in (_directions(smooth), *map(np.deg2rad, _TURNS)):
+    for turns in (_directions(smooth), *map(np.deg2rad, _TURNS_DEG)):
         for turn in np.unique(turns + angle):  # harmonics have one direction
             score, length = _rhythm(_profile(smooth, turn), element)
             if score > best:
@@ -214,13 +214,15 @@ def _rhythm(profile: Floats, element: int) -> tuple[float, float]:
     counts = (distance[-1] / periods).astype(int)
     starts = np.cumsum(counts) - counts
     multiples = (np.arange(counts.sum()) - starts.repeat(counts) + 1) * periods.repeat(counts)
-    on, off = (np.interp(multiples - away, distance, profile) for away in (0, (periods / 2).repeat(counts)))
-    regular = np.minimum.reduceat(on, starts) >= _KEPT * profile[0]
+    on, between = (
+        np.interp(multiples - away, distance, profile) for away in (0, (periods / 2).repeat(counts))
+    )
+    regular = np.minimum.reduceat(on, starts) >= _LEAST_KEPT * profile[0]
     scores = np.zeros(len(periods))
     for number in np.flatnonzero(regular).tolist():
         part = slice(int(starts[number]), int(starts[number] + counts[number]))
-        high, low = on[part].mean(), off[part].mean()
-        scores[number] = min(high, 0.5 * (high - low))
+        on_mean, between_mean = on[part].mean(), between[part].mean()
+        scores[number] = min(on_mean, 0.5 * (on_mean - between_mean))
     if scores.max() <= 0:
         return 0.0, 1.0
     tops = np.flatnonzero(scores >= 0.9 * scores.max())

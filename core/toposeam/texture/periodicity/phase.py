@@ -31,7 +31,7 @@ class Phase:
         self._given, self._closed, self._periods = order.reciprocal, closed, order.periods
         self._tolerance = max(1.0, 0.75 * factor)
         self._start: Floats | None = None
-        #: Of the places that were asked about last: their phases, one plane for each reciprocal vector.
+        #: Places of the last call, and their phases, one plane for each reciprocal vector.
         self._places: tuple[bytes, bytes] | None = None
         self._phases = np.empty((0, 0, 0), np.float32)
 
@@ -66,14 +66,14 @@ class Phase:
             return np.ones((len(rows), len(columns)), bool)
         middle = np.array(shape) / 2
         wanted = self._closed @ (at + middle) - self._start - self._given @ middle
-        off = np.zeros((2, len(rows), len(columns)), np.float32)
+        away = np.zeros((2, len(rows), len(columns)), np.float32)
         for phases, one, period in zip(self._known(rows, columns), wanted, self._periods, strict=True):
             apart = np.float32(one % 1) - phases
             apart -= np.rint(apart)
-            off[0] += np.float32(period[0]) * apart
-            off[1] += np.float32(period[1]) * apart
-        np.square(off, out=off)
-        return np.asarray(off[0] + off[1] <= np.float32(self._tolerance**2))
+            away[0] += np.float32(period[0]) * apart
+            away[1] += np.float32(period[1]) * apart
+        np.square(away, out=away)
+        return np.asarray(away[0] + away[1] <= np.float32(self._tolerance**2))
 
     def _known(self, rows: npt.NDArray[np.intp], columns: npt.NDArray[np.intp]) -> Floats32:
         """Compute the phases of places, (vectors, n, m)."""

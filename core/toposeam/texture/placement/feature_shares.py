@@ -1,11 +1,11 @@
-"""Every kind of pixel on the share of a texture that it has of the exemplar.
+"""A penalty that keeps the share of every feature in a texture as it is in the exemplar.
 
-Patches never reach beyond an exemplar, so what lies along its borders belongs to few of them and shows less
-often than its middle; and what fits nearly everywhere shows more often than what does not. So pixels are
-sorted by their surroundings (the colours' two principal components and the contrast, in some steps each), and
-places are penalised the more their kinds have shown against their share. Kaspar et al. (2015,
-doi:10.1111/cgf.12565) keep the use of single pixels uniform; what makes two pictures alike is that of kinds,
-which leaves more choice.
+Patches never reach beyond an exemplar, so pixels along its borders belong to few of them and show less often
+than those of its middle; and what fits nearly everywhere shows more often than what does not. So blocks of
+pixels are classified by their surroundings (the colours' two principal components and the contrast, quantised
+in steps of equal frequency), and places are penalised the more, the more often their classes have shown in
+proportion to their shares of the exemplar. Kaspar et al. (2015, doi:10.1111/cgf.12565) keep the use of single
+pixels uniform. Two pictures look alike if these classes have equal shares, which leaves more choice.
 """
 
 from __future__ import annotations
@@ -22,27 +22,29 @@ from toposeam.texture.canvas.places import PlaceGrid
 from toposeam.texture.exemplar.atlas import Atlas
 from toposeam.texture.exemplar.patch_search import box_sum, reduced
 
-#: Deviation in px of the means in which pixels are seen.
+#: Standard deviation, px, of the Gaussian in which surroundings are averaged.
 _BLUR = 3.0
 #: Number of steps, equally frequent in the exemplar, into which each property is quantised.
 _STEPS = 16
-#: How many principal components of the colours count.
+#: Number of principal components of the colours that are properties.
 _COMPONENTS = 2
-#: Side of the blocks that have a kind, px; larger where there would be more blocks than this.
-_BLOCK, _BLOCKS = 4, 10_000
-#: The canvas counts as if this share of the exemplar had been shown on it once, so that the first patches do
-#: not weigh too much.
-_BEFORE = 0.25
-#: Natural logarithm of the factor on a place: per unit of variety and of the sum, over the properties, of the
-#: excess of its kinds; the same where there are objects on a ground, of which more would be cut else; and its
-#: bound.
-_STRENGTH, _GENTLE, _MOST = 16.0, 6.0, 5.0
+#: Least side of the blocks that are classified, px, and largest number of blocks: blocks of large exemplars
+#: are larger.
+_BLOCK, _MOST_BLOCKS = 4, 10_000
+#: The canvas counts as if this share of the exemplar had been shown once, so that the first patches do not
+#: weigh too much.
+_PRIOR_SHARE = 0.25
+#: Natural logarithm of the factor on a place, per unit of variety and of the excess of its classes, summed
+#: over the properties. It is less where there are objects on a ground, as more of them would be cut.
+_STRENGTH, _OBJECTS_STRENGTH = 16.0, 6.0
+#: Largest absolute value of that logarithm: no place is excluded.
+_MOST_LOGARITHM = 5.0
 #: Fixed-point scale: sums of whole numbers do not depend on their order.
-_ONE = 256
+_FIXED_POINT = 256
 
 
-class Kinds:
-    """Tells which places are of kinds that have shown too often.
+class FeatureShares:
+    """Penalise places with features that have shown on more than their share.
 
     Parameters
     ----------
@@ -52,7 +54,7 @@ class Kinds:
     average : (AH, 1) array
         How often pixels should show, by the atlas's row.
     levelled : bool
-        Whether light is levelled: then contrast, which goes with the light, is no property.
+        Whether light is levelled: then contrast, which depends on the light, is no property.
     objects : bool
         Whether there are objects on a ground.
     """
@@ -66,19 +68,19 @@ class Kinds:
         levelled: bool = False,
         objects: bool = False,
     ) -> None:
-        self._strength = _GENTLE if objects else _STRENGTH
-        self._step = max(_BLOCK, math.isqrt(atlas.usable.size // _BLOCKS))
+        self._strength = _OBJECTS_STRENGTH if objects else _STRENGTH
+        self._step = max(_BLOCK, math.isqrt(atlas.usable.size // _MOST_BLOCKS))
         wanted = self._blocks((atlas.copied * average).astype(np.float32))
         known = np.flatnonzero(wanted)
-        self._before = _BEFORE * int(atlas.copied.sum())
-        #: For each property the blocks' kinds and what share of the canvas each kind should have.
-        self._kinds: list[tuple[npt.NDArray[np.intp], npt.NDArray[np.float64]]] = []
+        self._prior = _PRIOR_SHARE * int(atlas.copied.sum())
+        #: For each property the class of each block, and the share of the canvas that each class should have.
+        self._classes: list[tuple[npt.NDArray[np.intp], npt.NDArray[np.float64]]] = []
         for plane in self._properties(features, atlas, levelled=levelled):
             values = plane.ravel()
             steps = np.unique(np.quantile(values[known], np.arange(1, _STEPS) / _STEPS))
-            kind = np.searchsorted(steps, values, side="right")
-            share = np.bincount(kind, wanted.ravel()) / max(float(wanted.sum()), 1e-12)
-            self._kinds.append((kind, share))
+            which = np.searchsorted(steps, values, side="right")
+            share = np.bincount(which, wanted.ravel()) / max(float(wanted.sum()), 1e-12)
+            self._classes.append((which, share))
         self._copied = wanted > 0
 
     def factor(self, places: PlaceGrid, usage: Ints32, variety: float) -> Floats32:
@@ -92,24 +94,24 @@ class Kinds:
         variety : float
         """
         used = self._blocks(usage).ravel()
-        off = np.zeros(len(used))
-        for kind, share in self._kinds:
-            shown = np.bincount(kind, used, len(share))
-            total = float(shown.sum()) + self._before
-            often = (shown + self._before * share) / (total * np.where(share > 0, share, 1))
-            off += np.where(share > 0, often - 1, 0)[kind]
-        whole = np.rint(_ONE * off).astype(np.int32).reshape(self._copied.shape) * self._copied
+        excess = np.zeros(len(used))
+        for which, share in self._classes:
+            shown = np.bincount(which, used, len(share))
+            total = float(shown.sum()) + self._prior
+            often = (shown + self._prior * share) / (total * np.where(share > 0, share, 1))
+            excess += np.where(share > 0, often - 1, 0)[which]
+        whole = np.rint(_FIXED_POINT * excess).astype(np.int32).reshape(self._copied.shape) * self._copied
         boxes = [
             min(max(1, round(length / self._step)), limit)
             for length, limit in zip(places.shape, whole.shape, strict=True)
         ]
-        sums = box_sum(whole, (boxes[0], boxes[1])) / np.float32(_ONE * boxes[0] * boxes[1])
-        power = np.clip(sums * np.float32(self._strength * variety), -_MOST, _MOST)
+        sums = box_sum(whole, (boxes[0], boxes[1])) / np.float32(_FIXED_POINT * boxes[0] * boxes[1])
+        power = np.clip(sums * np.float32(self._strength * variety), -_MOST_LOGARITHM, _MOST_LOGARITHM)
         factor = np.exp(power).astype(np.float32, copy=False)
         return places.from_blocks(factor, self._step, (self._step // 2,) * 2)
 
     def _properties(self, features: Floats32, atlas: Atlas, *, levelled: bool) -> list[Floats32]:
-        """Compute what the surroundings of blocks look like, an array of blocks for each property."""
+        """Compute the properties of the blocks' surroundings: an array with a value per block for each."""
         values, mass = reduced(features, atlas.usable.astype(np.float32), self._step)
         square = np.einsum("yxc,yxc->yx", features, features)[..., np.newaxis]
         squares, _ = reduced(square, atlas.usable.astype(np.float32), self._step)

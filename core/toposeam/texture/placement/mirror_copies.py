@@ -1,4 +1,4 @@
-"""Places of turned exemplars that show, in another position, what shows beside them already.
+"""A penalty that excludes places that show, turned or mirrored, what shows near the window already.
 
 A mirrored patch fits its own original along the mirror's line as nothing else does, and a turned one round
 its centre: textures would be full of butterflies and rosettes. So a patch must not show what is near its
@@ -16,12 +16,12 @@ from toposeam.texture.exemplar.atlas import Atlas
 from toposeam.texture.exemplar.patch_search import box_sum
 from toposeam.texture.exemplar.turns import Turns, count_of, turned
 
-#: Share of a patch from which on it shows too much of that.
-_MUCH = 0.02
+#: Largest share of a patch that may show near its window in another position.
+_MOST_SHARE = 0.02
 
 
-class Twins:
-    """Exclude places that show what is near in another position.
+class MirrorCopyPenalty:
+    """Exclude places that show what is near the window in another position.
 
     Parameters
     ----------
@@ -43,10 +43,10 @@ class Twins:
             ],
             turns,
         )
-        #: Per pixel of the atlas, which pixel of the originals it is, and in which position.
+        #: For each pixel of the atlas, its number among the originals' pixels, and its position.
         self._original: Ints32 = np.zeros(atlas.usable.shape, np.int32)
         self._position = np.zeros(atlas.usable.shape, np.int8)
-        #: Per position and pixel of the originals, its place on the atlas.
+        #: For each position and pixel of the originals, its flat index into the atlas.
         self._where = np.zeros((self._count, int(first[-1])), np.intp)
         flat = np.arange(atlas.usable.size).reshape(atlas.usable.shape)
         for number, (place, found) in enumerate(zip(atlas.places, numbers, strict=True)):
@@ -68,5 +68,5 @@ class Twins:
         box = max(h // step, 1), max(w // step, 1)
         share = box_sum(shown, box)[first:, first:][: size[0], : size[1]]
         found: Floats32 = np.ones(size, np.float32)
-        found[: share.shape[0], : share.shape[1]][share > _MUCH * box[0] * box[1]] = np.inf
+        found[: share.shape[0], : share.shape[1]][share > _MOST_SHARE * box[0] * box[1]] = np.inf
         return found

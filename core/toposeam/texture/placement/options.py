@@ -44,25 +44,26 @@ class LayOptions:
 
     #: A patch is drawn at random from those whose error is at most 1 + tolerance times the least.
     tolerance: float = 0.1
-    #: How many different places are compared.
+    #: Number of different places that are compared.
     candidates: int = 8
     #: px round the patch in which known pixels are compared too.
     context: int = 8
-    #: What a pixel of the context counts, one of the overlap being 1.
+    #: Weight of a pixel of the context; one of the overlap has weight 1.
     context_weight: float = 0.5
     #: Without a guide no source pixel shows more often than this many times the average.
     most: float = 2.5
-    #: How strongly places that show often already, or near by, are avoided.
+    #: Strength of the penalties on places that show often already, or near by.
     variety: float = 0.5
-    #: How much a connected copy may cover: at most this many patches, and this share of what may be copied.
+    #: Largest area of a connected copy: this many patches, and this share of the pixels that may be copied.
     copy_patches: float = 3.0
     copy_share: float = 0.2
-    #: How many further patches are tried over the worst seams, as a share of the patches laid; where there
-    #: are objects on a ground, those that are cut or come twice near by are replaced instead, unless it is 0.
+    #: Number of further patches that are tried over the worst seams, as a share of the patches laid; where
+    #: there are objects on a ground, those that are cut or come twice near by are replaced instead, unless it
+    #: is 0.
     mend: float = 0.2
     #: Whether ordered textures keep step with their order (:mod:`toposeam.texture.periodicity.phase`).
     close: bool = True
-    #: How the seam is found.
+    #: Method by which the seam is found.
     method: Method = "auto"
     cost: MatchCost | None = None
 

@@ -9,36 +9,35 @@ from dataclasses import dataclass
 import numpy as np
 
 from toposeam.arrays import Floats32, Ints32, Mask
-from toposeam.errors import ImageError, OverlapError
+from toposeam.errors import OverlapError
 from toposeam.seam.labels import seam_labels
 from toposeam.texture.canvas.index_canvas import IndexCanvas
 from toposeam.texture.canvas.places import Guide, Offers, Penalty, Site
 from toposeam.texture.exemplar.atlas import Atlas, values_at
-from toposeam.texture.exemplar.landmarks import guarded, landmarks
+from toposeam.texture.exemplar.landmarks import add_guard, find_landmarks
 from toposeam.texture.exemplar.turns import Turns
 from toposeam.texture.periodicity.phase import Phase
-from toposeam.texture.placement.feature_shares import Kinds
-from toposeam.texture.placement.mirror_copies import Twins
-from toposeam.texture.placement.near_copies import Nearby, near_reach
-from toposeam.texture.placement.object_repeats import Repeats
+from toposeam.texture.placement.feature_shares import FeatureShares
+from toposeam.texture.placement.mirror_copies import MirrorCopyPenalty
+from toposeam.texture.placement.near_copies import NearCopyPenalty, ObjectRepeatPenalty, near_reach
 from toposeam.texture.placement.options import LayOptions
 from toposeam.texture.placement.ranking import Ranking
-from toposeam.texture.placement.usage_penalty import Shares, Use, average_use, guided_use
-from toposeam.texture.placement.wave_conflicts import Beside
+from toposeam.texture.placement.usage_penalty import SharePenalty, UsagePenalty, average_usage, guided_usage
+from toposeam.texture.placement.wave_conflicts import WaveConflicts
 
-#: Share of the exemplars up to which the area to fill counts as small, so that use does not matter.
-_LITTLE = 0.05
-#: Squares of differences from a guide that differ by less than that are left to the seam.
-_PLAIN = 0.1
+#: Largest area to fill, as a share of the exemplars, that counts as small: there usage does not matter.
+_SMALL_AREA = 0.05
+#: Where the patch and what is there differ from a guide by squares less apart than this, the seam decides.
+_GUIDE_TOLERANCE = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ClosedPatch:
-    """A patch with something that it has to show, before it is cut along a closed seam round that."""
+    """A patch before it is cut along a closed seam round the part that it has to show."""
 
     #: First row and column on the canvas.
     at: tuple[int, int]
-    #: (h, w) flat indices: what it shows, and (h + 2, w + 2) what is there, one pixel more all round.
+    #: (h, w) flat indices of the patch, and (h + 2, w + 2) those of the canvas, one pixel more all round.
     source: Ints32
     before: Ints32
     #: (h, w) bool: where it has to show, and where it may.
@@ -57,23 +56,23 @@ class PatchPlacer:
     ----------
     atlas : Atlas
     features : (AH, AW, F) float32 array
-        What overlapping patches are compared by, 0 where the atlas is not usable.
+        Values by which overlapping patches are compared, 0 where the atlas is not usable.
     canvas : IndexCanvas
     options : LayOptions
     rng : numpy.random.Generator
     area : int
-        Number of canvas pixels that patches will fill, for the average use of a source pixel.
+        Number of canvas pixels that patches will fill, for the average usage of a source pixel.
     guide : Guide, optional
-        What the patches should look like.
+        The wanted look of the patches.
     phase : Phase, optional
-        Which places keep the texture's order in step with the canvas; others are not taken.
+        Excludes places that are out of step with the texture's order.
     shares : sequence of float, optional
-        What part of the canvas each exemplar is to show on, in any unit; without it wherever it fits best.
+        Share of the canvas that each exemplar is to show on, in any unit; without it wherever it fits best.
     turns : str
-        Which positions of every exemplar the atlas holds.
-    lone : bool
-        Whether light is levelled, and what catches the eye is kept apart also where it is no object on a
-        ground: where light is even, a dark spot stands out.
+        Positions of every exemplar that the atlas holds.
+    levelled : bool
+        Whether light is levelled. Then landmarks are kept apart even where they are no objects on a ground:
+        where light is even, a dark spot stands out.
     """
 
     def __init__(
@@ -88,37 +87,39 @@ class PatchPlacer:
         phase: Phase | None = None,
         shares: Sequence[float] | None = None,
         turns: Turns = "none",
-        lone: bool = False,
+        levelled: bool = False,
     ) -> None:
         self.atlas, self.features, self.canvas = atlas, features, canvas
         self.options, self.rng, self.phase, self.margin = options, rng, phase, atlas.margin
         self._guide = guide
-        #: What seams pay for each pixel of the atlas, flat, where there are objects to be kept.
+        #: Cost of each pixel of the atlas to seams, flat; None where there are no objects to be kept.
         self.guard: Floats32 | None = None
         part = None if shares is None else np.asarray(shares, float) / sum(shares)
-        use, near, kinds, variety = None, None, None, options.variety
-        if area > _LITTLE * int(atlas.usable.sum()):
-            average = average_use(atlas, area, part) if guide is None else guided_use(atlas, guide, area)
+        usage, near, feature_shares, variety = None, None, None, options.variety
+        if area > _SMALL_AREA * int(atlas.usable.sum()):
+            average = average_usage(atlas, area, part) if guide is None else guided_usage(atlas, guide, area)
             if variety:
-                near = Nearby(atlas, canvas, variety)
+                near = NearCopyPenalty(atlas, canvas, variety)
             if guide is None and variety:
-                weight, self.guard = landmarks(features, atlas.usable, atlas.factor)
+                weight, self.guard = find_landmarks(features, atlas.usable, atlas.factor)
                 objects = self.guard is not None
                 if not canvas.patches:  # visible pixels are continued unchanged
-                    kinds = Kinds(features, atlas, average, levelled=lone, objects=objects)
-                if lone or objects:
-                    near = Repeats(atlas, canvas, weight, variety)
-            # A guide asks for some pixels often, and for none beside them: use is penalised, not limited.
+                    feature_shares = FeatureShares(
+                        features, atlas, average, levelled=levelled, objects=objects
+                    )
+                if levelled or objects:
+                    near = ObjectRepeatPenalty(atlas, canvas, weight, variety)
+            # A guide asks for some pixels often, and for none beside them: usage is penalised, not limited.
             most = options.most if guide is None else math.inf
-            use = Use(canvas, atlas, average, most, variety, kinds)
-        self.ranking = Ranking(atlas, features, canvas, options, guide, use)
-        self._near = 0.0 if near is None else near.strength
+            usage = UsagePenalty(canvas, atlas, average, most, variety, feature_shares)
+        self.ranking = Ranking(atlas, features, canvas, options, guide, usage)
+        self._near_strength = 0.0 if near is None else near.strength
         self._turned = turns != "none"
         further: list[Penalty | None] = [
             near,
-            None if part is None else Shares(canvas, atlas, part),
+            None if part is None else SharePenalty(canvas, atlas, part),
             phase,
-            Twins(atlas, canvas, turns) if self._turned else None,
+            MirrorCopyPenalty(atlas, canvas, turns) if self._turned else None,
         ]
         self.ranking.penalties += [one for one in further if one is not None]
 
@@ -155,7 +156,11 @@ class PatchPlacer:
         return Site.of((top, left), shape, known, inner >= 0, covers, self.options.context_weight)
 
     def pick(
-        self, at: tuple[int, int], shape: tuple[int, int], offers: Offers, beside: Beside | None = None
+        self,
+        at: tuple[int, int],
+        shape: tuple[int, int],
+        offers: Offers,
+        conflicts: WaveConflicts | None = None,
     ) -> tuple[int, int]:
         """Draw the atlas row and column of the patch for a window from the best places.
 
@@ -164,36 +169,38 @@ class PatchPlacer:
         at, shape : (int, int)
             The window.
         offers : Offers
-        beside : Beside, optional
-            What has been picked since these were looked for.
+        conflicts : WaveConflicts, optional
+            Places that have been picked since these were looked for.
         """
         if len(offers.errors):
-            errors = offers.errors if beside is None else beside.judged(at, shape, offers)
+            errors = offers.errors if conflicts is None else conflicts.judged(at, shape, offers)
             good = np.flatnonzero(errors <= (1 + self.options.tolerance) * errors.min())
             pick = int(good[self.rng.integers(len(good))])
             place = int(offers.rows[pick]), int(offers.columns[pick])
         else:
-            place = self._anywhere(shape)
-        if beside is not None:
-            beside.add(at, place, offers)
+            place = self.ranking.anywhere(shape, self.rng)
+        if conflicts is not None:
+            conflicts.add(at, place, offers)
         if self.phase is not None:
             self.phase.begin(at, place, shape)
         return place
 
     def reach(self, shape: tuple[int, int]) -> int:
-        """Compute how many px round its window a patch must know before a place is picked for it."""
+        """Compute the distance, px, round a patch's window that must be laid before a place is picked."""
         return max(self.margin, max(shape) // 2) if self._turned else self.margin
 
-    def beside(self) -> Beside:
-        """Make what keeps patches that are picked at the same time apart."""
-        use, largest = self.ranking.use, self.ranking.largest_copy
-        limit = None if use is None else use.limit
-        return Beside(self.canvas, self.atlas, near_reach(self.atlas), self._near, limit, largest)
+    def wave_conflicts(self) -> WaveConflicts:
+        """Make the conflicts of a new wave, of which nothing has been picked yet."""
+        usage, largest = self.ranking.usage, self.ranking.largest_copy
+        limit = None if usage is None else usage.limit
+        return WaveConflicts(
+            self.canvas, self.atlas, near_reach(self.atlas), self._near_strength, limit, largest
+        )
 
     def refresh(self) -> None:
-        """Discard what is known of the canvas, which has changed."""
-        if self.ranking.use is not None:
-            self.ranking.use.refresh()
+        """Discard values that were computed before the canvas changed."""
+        if self.ranking.usage is not None:
+            self.ranking.usage.refresh()
 
     def patch(self, place: tuple[int, int], shape: tuple[int, int]) -> Ints32:
         """Compute the (h, w) flat indices of the patch at an atlas row and column."""
@@ -209,25 +216,25 @@ class PatchPlacer:
         shows = self.cut(padded, source, site.covers) | empty
         if self._guide is None or not self._guide.weight:
             return shows
-        # What the guide asks for plainly is not left to the seam.
+        # Where the guide clearly favours one side, that is not left to the seam.
         rows, columns, _ = self.canvas.window(*site.at, h, w)
         wanted, stands = self._guide.target[rows, columns], self._guide.source
         comes, there = (
             np.square(values_at(stands, index) - wanted).sum(axis=2) for index in (source, padded[1:-1, 1:-1])
         )
-        shows |= site.covers & (comes < there - _PLAIN)
-        kept: Mask = shows & (empty | (comes <= there + _PLAIN))
+        shows |= site.covers & (comes < there - _GUIDE_TOLERANCE)
+        kept: Mask = shows & (empty | (comes <= there + _GUIDE_TOLERANCE))
         return kept
 
     def cut(self, padded: Ints32, source: Ints32, covers: Mask, closed: bool = False) -> Mask:
-        """Find where a patch shows along the best seam, given what is there.
+        """Find where a patch shows along the best seam between it and the canvas.
 
         Parameters
         ----------
         padded : (h + 2, w + 2) int32 array
-            What the canvas shows in the patch's window and one pixel round it; -1 where empty.
+            Flat indices that the canvas shows in the patch's window and one pixel round it; -1 where empty.
         source : (h, w) int32 array
-            The patch.
+            Flat indices of the patch.
         covers : (h, w) bool array
             Where it may show; it must show where the canvas is empty there.
         closed : bool
@@ -273,26 +280,13 @@ class PatchPlacer:
         return [(labels[box] & patch.may) | patch.must for box, patch in zip(inner, patches, strict=True)]
 
     def _labels(self, there: Ints32, b: Floats32, source: Ints32, covers: Mask, closed: bool) -> Mask | None:
-        """Find the best seam between what is there and the values that come: True where these show; None
-        where the overlap is too thin to hold a seam.
+        """Find the best seam between the canvas and new values: True where these show; None where the overlap
+        is too thin to hold a seam.
         """
         a, options = values_at(self.features, there), self.options
         if self.guard is not None:
-            a, b = guarded(self.guard, a, b, there, source)
+            a, b = add_guard(self.guard, a, b, there, source)
         try:
             return seam_labels(a, b, there >= 0, covers, options.method, options.cost, closed=closed)
         except OverlapError:
             return None
-
-    def _anywhere(self, shape: tuple[int, int]) -> tuple[int, int]:
-        rows, columns = np.nonzero(self.ranking.search.room(shape))
-        if not len(rows):
-            raise ImageError(
-                "nowhere is the picture opaque and free for a patch of {width} × {height} px; "
-                "fill its holes first, or use smaller patches",
-                kind="no opaque room",
-                width=shape[1],
-                height=shape[0],
-            )
-        pick = int(self.rng.integers(len(rows)))
-        return int(rows[pick]), int(columns[pick])

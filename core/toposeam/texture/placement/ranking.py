@@ -10,21 +10,22 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.arrays import Floats32, Indices
+from toposeam.errors import ImageError
 from toposeam.images import box_of
 from toposeam.texture.canvas.index_canvas import IndexCanvas
 from toposeam.texture.canvas.places import Guide, Offers, Penalty, PlaceGrid, Site
 from toposeam.texture.exemplar.atlas import Atlas, values_at
 from toposeam.texture.exemplar.patch_search import PatchSearch, refined
 from toposeam.texture.placement.options import LayOptions
-from toposeam.texture.placement.usage_penalty import Use
+from toposeam.texture.placement.usage_penalty import UsagePenalty
 
-#: Factor on places whose pixels have all reached their limit of use, where there is no other place.
-_USED_UP = 30
-#: Share of its overlap on which a patch shows, roughly.
-_WON = 0.5
+#: Factor on places whose pixels have all reached their limit of usage, where there is no other place.
+_USED_UP_FACTOR = 30
+#: Rough share of its overlap that a patch wins.
+_WON_SHARE = 0.5
 #: Added to every error, so that a perfect fit does not outweigh all penalties: the square of 1 % of the
 #: image's range.
-_FLOOR = 1e-4
+_ERROR_FLOOR = 1e-4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,12 +45,12 @@ class Ranking:
     ----------
     atlas : Atlas
     features : (AH, AW, F) float32 array
-        What overlapping patches are compared by, 0 where the atlas is not usable.
+        Values by which overlapping patches are compared, 0 where the atlas is not usable.
     canvas : IndexCanvas
     options : LayOptions
     guide : Guide, optional
-        What the patches should look like.
-    use : Use, optional
+        The wanted look of the patches.
+    usage : UsagePenalty, optional
         The first penalty, which also excludes places whose pixels are used up.
     """
 
@@ -60,13 +61,13 @@ class Ranking:
         canvas: IndexCanvas,
         options: LayOptions,
         guide: Guide | None,
-        use: Use | None,
+        usage: UsagePenalty | None,
     ) -> None:
         self._atlas, self._features, self._canvas, self._options = atlas, features, canvas, options
-        self.search, self._guide, self.use = PatchSearch(atlas, features), guide, use
+        self.search, self._guide, self.usage = PatchSearch(atlas, features), guide, usage
         self._guides = None if guide is None else PatchSearch(atlas, guide.source)
         #: Further penalties, in order. One that would exclude all places that are left is ignored.
-        self.penalties: list[Penalty] = [] if use is None else [use]
+        self.penalties: list[Penalty] = [] if usage is None else [usage]
         self._copied = int(atlas.copied.sum())
 
     def offers(self, site: Site) -> Offers:
@@ -81,7 +82,7 @@ class Ranking:
             error = part if error is None else error + part
         if error is None:
             return Offers(rows=none, columns=none, errors=none.astype(np.float32), new=new, continued=[])
-        error += np.float32(_FLOOR)
+        error += np.float32(_ERROR_FLOOR)
         copies = self._canvas.copies(site.at[0] - m, site.at[1] - m, *site.known.shape)
         row, column = np.divmod(copies.shown, np.int32(self._atlas.width))
         row, column = row - copies.y + m, column - copies.x + m
@@ -99,17 +100,37 @@ class Ranking:
             self._refine(site, terms, error, rows, columns, errors)
         return Offers(rows=rows, columns=columns, errors=errors, new=new, continued=continued)
 
+    def anywhere(self, shape: tuple[int, int], rng: np.random.Generator) -> tuple[int, int]:
+        """Draw the atlas row and column of any place with room for a patch, however badly it fits.
+
+        Raises
+        ------
+        ImageError
+            When there is none.
+        """
+        rows, columns = np.nonzero(self.search.room(shape))
+        if not len(rows):
+            raise ImageError(
+                "nowhere is the picture opaque and free for a patch of {width} × {height} px; "
+                "fill its holes first, or use smaller patches",
+                kind="no opaque room",
+                width=shape[1],
+                height=shape[0],
+            )
+        pick = int(rng.integers(len(rows)))
+        return int(rows[pick]), int(columns[pick])
+
     def largest_copy(self, shape: tuple[int, int], new: int | None = None) -> int:
         """Compute how many px of the canvas a connected copy may cover; with a patch more, which fills `new`
         px and may win others.
         """
         pixels, options = shape[0] * shape[1], self._options
-        won = 0 if new is None else _WON * (pixels - new)
+        won = 0 if new is None else _WON_SHARE * (pixels - new)
         share = options.copy_share * self._copied - won
         return math.floor(max(min(options.copy_patches * pixels, share), pixels))
 
     def _terms(self, site: Site) -> list[_Term]:
-        """List what a place is compared with: the known pixels, and the guide."""
+        """List the terms of a place's error: the known pixels, and the guide."""
         terms, guide = [], self._guide
         if site.weight.any() and (guide is None or guide.weight < 1):
             strength = 1.0 if guide is None else 1.0 - guide.weight
@@ -143,7 +164,7 @@ class Ranking:
         for penalty in self.penalties:
             raised = judged * penalty.factor(places)
             judged = raised if np.isfinite(raised).any() else judged
-        used_up = None if self.use is None else self.use.used_up(places)
+        used_up = None if self.usage is None else self.usage.used_up(places)
         left = judged.copy()
         if used_up is not None:
             left[used_up > 0] = np.inf
@@ -156,7 +177,7 @@ class Ranking:
             i, j = divmod(int(left.argmin()), places.size[1])
             if not found and not np.isfinite(left[i, j]):
                 # With few places to choose from, better a place that was used or a copy than none.
-                left = judged if used_up is None else judged * (1 + np.float32(_USED_UP) * used_up)
+                left = judged if used_up is None else judged * (1 + np.float32(_USED_UP_FACTOR) * used_up)
                 i, j = divmod(int(left.argmin()), places.size[1])
             if found and not np.isfinite(left[i, j]):
                 break
@@ -183,7 +204,7 @@ class Ranking:
         ]
         reduced = error[(rows[k] - m) // f, (columns[k] - m) // f]
         rows[k], columns[k], exact = refined(compared, rows[k], columns[k], (m, m), site.shape)
-        errors[k] *= (exact.astype(float) + _FLOOR).astype(np.float32) / reduced
+        errors[k] *= (exact.astype(float) + _ERROR_FLOOR).astype(np.float32) / reduced
 
 
 def _block(error: Floats32, row: float, column: float, reach: float) -> None:

@@ -10,25 +10,27 @@ from toposeam.texture.canvas.index_canvas import IndexCanvas
 from toposeam.texture.canvas.places import Guide, PlaceGrid
 from toposeam.texture.exemplar.atlas import Atlas
 from toposeam.texture.exemplar.patch_search import box_sum
-from toposeam.texture.placement.feature_shares import Kinds
+from toposeam.texture.placement.feature_shares import FeatureShares
 
-#: Minimum share of the canvas that an exemplar counts as covering, so that ratios of shares stay bounded, and
-#: the power to which they are raised: steep, so that even unlike exemplars keep to their shares.
-_LEAST_SHARE, _STEEP = 0.02, 6
+#: Share of the canvas that is added to both shares of an exemplar, so that their ratio stays bounded.
+_SHARE_FLOOR = 0.02
+#: Power to which ratios of shares are raised: steep, so that even unlike exemplars keep to their shares.
+_SHARE_POWER = 6
 #: Fixed-point scale: sums of whole numbers do not depend on their order.
-_ONE = 16
-#: Guides are compared in so many steps, of all their channels together; and pixels of which a guide asks for
-#: much show this many times the average, lest one stone be a whole sky.
-_STEPS, _RAREST = 16, 4.0
-#: Upper bound of the limit of use, which a canvas cannot reach.
+_FIXED_POINT = 16
+#: Number of steps, over all channels of a guide together, into which it is quantised.
+_GUIDE_STEPS = 16
+#: Largest usage that a guide may ask of a pixel, in multiples of the average, lest one stone be a whole sky.
+_MOST_GUIDED = 4.0
+#: Upper bound of the limit of usage, which a canvas cannot reach.
 _UNLIMITED = 2**31 - 1
 
 
-class Use:
-    """Penalise pixels, and kinds of pixels, that show often already.
+class UsagePenalty:
+    """Penalise pixels, and features, that show often already.
 
-    The factor is 1 + variety × (use / average use)², times that of the kinds. It is the same for all patches
-    of one shape until the canvas changes, so it is kept until :meth:`refresh`.
+    The factor is 1 + variety × (usage / average usage)², times that of the feature shares. It is the same for
+    all patches of one shape until the canvas changes, so it is kept until :meth:`refresh`.
 
     Parameters
     ----------
@@ -37,11 +39,11 @@ class Use:
     average : (AH, 1) or (AH, AW) float array
         How often pixels should show, by the atlas's row or each.
     most : float
-        Limit of use, in multiples of the average.
+        Limit of usage, in multiples of the average.
     variety : float
         Strength.
-    kinds : Kinds, optional
-        What kinds of pixels there are, each to show on its share.
+    feature_shares : FeatureShares, optional
+        Penalty on features that have shown on more than their share.
     """
 
     def __init__(
@@ -51,49 +53,49 @@ class Use:
         average: npt.NDArray[np.float64],
         most: float,
         variety: float,
-        kinds: Kinds | None = None,
+        feature_shares: FeatureShares | None = None,
     ) -> None:
         self._canvas, self._atlas, self._average = canvas, atlas, average
-        self._variety, self._kinds = variety, kinds
+        self._variety, self._feature_shares = variety, feature_shares
         #: How often pixels may show, as `average`.
         self.limit: Ints32 = np.clip(np.floor(most * average), 1, _UNLIMITED).astype(np.int32)
-        self._kept: dict[tuple[object, ...], tuple[Floats32, Floats32 | None]] = {}
+        self._cache: dict[tuple[object, ...], tuple[Floats32, Floats32 | None]] = {}
 
     def refresh(self) -> None:
         """Discard what was computed before the canvas changed."""
-        self._kept.clear()
+        self._cache.clear()
 
     def factor(self, places: PlaceGrid) -> Floats32:
         """Compute the factor on the error of places, (n, m) float32."""
-        return self._of(places)[0]
+        return self._known(places)[0]
 
     def used_up(self, places: PlaceGrid) -> Floats32 | None:
         """Compute the share of each place's pixels that have reached their limit, (n, m) float32; None where
         no pixel has.
         """
-        return self._of(places)[1]
+        return self._known(places)[1]
 
-    def _of(self, places: PlaceGrid) -> tuple[Floats32, Floats32 | None]:
+    def _known(self, places: PlaceGrid) -> tuple[Floats32, Floats32 | None]:
         key = places.shape, places.first, places.step, places.size
-        if key not in self._kept:
-            self._kept[key] = self._computed(places)
-        return self._kept[key]
+        if key not in self._cache:
+            self._cache[key] = self._compute(places)
+        return self._cache[key]
 
-    def _computed(self, places: PlaceGrid) -> tuple[Floats32, Floats32 | None]:
+    def _compute(self, places: PlaceGrid) -> tuple[Floats32, Floats32 | None]:
         usage = self._canvas.usage.reshape(self._atlas.usable.shape)
         shape, (n, m), grid = places.shape, places.size, slice(places.first, None, places.step)
         pixels = shape[0] * shape[1]
         if self._average.shape[1] == 1:
             average = (pixels * self._average[grid][:n]).astype(np.float32)
         else:
-            whole = np.rint(_ONE * self._average).astype(np.int32)
-            average = box_sum(whole, shape)[grid, grid][:n, :m].astype(np.float32) / np.float32(_ONE)
+            whole = np.rint(_FIXED_POINT * self._average).astype(np.int32)
+            average = box_sum(whole, shape)[grid, grid][:n, :m].astype(np.float32) / np.float32(_FIXED_POINT)
         factor: Floats32 = np.divide(box_sum(usage, shape)[grid, grid][:n, :m], average, dtype=np.float32)
         np.square(factor, out=factor)
         factor *= np.float32(self._variety)
         factor += np.float32(1)
-        if self._kinds is not None:
-            factor *= self._kinds.factor(places, usage, self._variety)
+        if self._feature_shares is not None:
+            factor *= self._feature_shares.factor(places, usage, self._variety)
         over = usage >= self.limit
         if not over.any():
             return factor, None
@@ -102,7 +104,7 @@ class Use:
         return factor, used_up
 
 
-class Shares:
+class SharePenalty:
     """Penalise exemplars that show on more than their share of the canvas.
 
     Parameters
@@ -122,12 +124,12 @@ class Shares:
         rows = self._canvas.usage.reshape(self._atlas.usable.shape).sum(axis=1)
         shown = np.add.reduceat(rows, self._atlas.corners[:, 0])
         part = shown / max(int(shown.sum()), 1)
-        often = ((part + _LEAST_SHARE) / (self._shares + _LEAST_SHARE)) ** _STEEP
+        often = ((part + _SHARE_FLOOR) / (self._shares + _SHARE_FLOOR)) ** _SHARE_POWER
         factor: Floats32 = often[self._owner[places.axes[0]], np.newaxis].astype(np.float32)
         return factor
 
 
-def average_use(atlas: Atlas, area: int, shares: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64]:
+def average_usage(atlas: Atlas, area: int, shares: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64]:
     """Compute how often a usable pixel shows on average, by the atlas's row: (AH, 1), 1 at least."""
     usable = atlas.usable.sum(axis=1)
     if shares is None:
@@ -136,14 +138,16 @@ def average_use(atlas: Atlas, area: int, shares: npt.NDArray[np.float64] | None)
     return np.maximum(area * shares / np.maximum(each, 1), 1.0)[atlas.owner_of_rows, np.newaxis]
 
 
-def guided_use(atlas: Atlas, guide: Guide, area: int) -> npt.NDArray[np.float64]:
-    """Compute how often each pixel has to show for a guide, (AH, AW), 1 at least: what is asked for much of
-    the canvas and is little of the exemplars shows often, and nothing is used up that is still asked for.
+def guided_usage(atlas: Atlas, guide: Guide, area: int) -> npt.NDArray[np.float64]:
+    """Compute how often each pixel has to show for a guide: (AH, AW), 1 at least.
+
+    A value that the guide asks for on much of the canvas, and that few pixels of the exemplars stand for,
+    shows often; so no pixel is used up that is still asked for.
     """
     stands = guide.source[atlas.usable]
     low = np.minimum(stands.min(axis=0), guide.target.min(axis=(0, 1)))
     high = np.maximum(stands.max(axis=0), guide.target.max(axis=(0, 1)))
-    each = max(2, round(_STEPS ** (1 / stands.shape[1])))
+    each = max(2, round(_GUIDE_STEPS ** (1 / stands.shape[1])))
 
     def steps(values: Floats32) -> npt.NDArray[np.intp]:
         share = (values - low) / np.maximum(high - low, 1e-12)
@@ -155,7 +159,7 @@ def guided_use(atlas: Atlas, guide: Guide, area: int) -> npt.NDArray[np.float64]
     apart = np.square(asked[:, np.newaxis] - there).sum(axis=2)
     demand = np.bincount(apart.argmin(axis=1), wanted, len(there)) * (area / max(int(wanted.sum()), 1))
     average = area / max(int(count.sum()), 1)
-    often = np.maximum(np.minimum(demand / count, _RAREST * average), 1.0)
+    often = np.maximum(np.minimum(demand / count, _MOST_GUIDED * average), 1.0)
     result = np.ones(atlas.usable.shape)
     result[atlas.usable] = often[places.ravel()]
     return result

@@ -1,9 +1,9 @@
-"""Patches that are picked for several windows at the same time, and keep apart from one another all the same.
+"""Conflicts between patches that are picked for several windows of a wave at the same time.
 
 The windows of a wave do not touch, so the best places for each are looked for at the same time, on the canvas
-as it was before the wave; who else takes what is not known then. It is when places are picked, one window
-after another: of each window's best places, those are penalised that show what has just been picked near by,
-and those are left out that would use pixels up or make a copy too large, given what has just been picked.
+as it was before the wave. Places are then picked for one window after another. Among the best places of a
+window, those are penalised that show what has just been picked near by, and those are excluded that would
+exceed the limit of a pixel's use, or of a copy's size, together with what has just been picked.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from toposeam.texture.canvas.places import Offers
 from toposeam.texture.exemplar.atlas import Atlas
 
 
-class Beside:
-    """Keeps apart the places that are picked for the windows of a wave.
+class WaveConflicts:
+    """The places picked so far for the windows of a wave, and their conflicts with further ones.
 
     Parameters
     ----------
@@ -33,8 +33,8 @@ class Beside:
     limit : (AH, 1) or (AH, AW) int32 array, optional
         How often pixels may show, by the atlas's row.
     largest_copy : callable
-        How many px of the canvas a copy may show on with a patch more, for its height and width and the px
-        that it fills.
+        Called with a patch's height and width and the number of empty pixels that it fills; returns the
+        largest area of a copy that it continues, px.
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class Beside:
         largest_copy: Callable[[tuple[int, int], int], int],
     ) -> None:
         self._canvas, self._reach, self._near, self._largest_copy = canvas, reach, near, largest_copy
-        #: Pixels of the atlas that may be picked once, and no more, before the next wave.
+        #: (AH, AW) bool: pixels of the atlas that may be picked only once more before the next wave.
         self._full: Mask | None = None
         if limit is not None:
             full = canvas.usage.reshape(atlas.usable.shape) + 1 >= limit
@@ -62,9 +62,7 @@ class Beside:
             self._grown[first] += offers.new
 
     def judged(self, at: tuple[int, int], shape: tuple[int, int], offers: Offers) -> Floats32:
-        """Compute the errors of places, given what has been picked; inf where a place is excluded and another
-        is left.
-        """
+        """Compute the errors of places, given those picked so far; inf for excluded ones, unless all are."""
         errors, (h, w) = offers.errors.copy(), shape
         limit = self._largest_copy(shape, offers.new) - offers.new
         for row, column, first in offers.continued if self._grown else ():

@@ -1,4 +1,4 @@
-"""Repair a finished texture: bad seams and cut objects."""
+"""Lay patches again over the worst seams of a finished texture."""
 
 import lazy_loader
 

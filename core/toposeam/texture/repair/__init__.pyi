@@ -1,6 +1,5 @@
-from .object_assignment import MOST, Exchange
+from .seam_mending import mend
 
 __all__ = [
-    "MOST",
-    "Exchange",
+    "mend",
 ]

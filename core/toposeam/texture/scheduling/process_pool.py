@@ -29,10 +29,10 @@ from toposeam.errors import SolverError
 #: Whether processes can be forked, and the system's libraries allow it; else one process does all.
 FORKS = hasattr(os, "fork") and sys.platform != "darwin"
 
-#: Upper limit, above any machine of today.
+#: Largest number of processes, above any machine of today.
 MAX_PROCESSES = 1024
-#: Bytes of a request in the pipe, written and read at once.
-_REQUEST = 512
+#: Size of a request in the pipe, bytes: it is written and read at once.
+_REQUEST_BYTES = 512
 
 #: A method's name and arguments.
 Call = tuple[str, tuple[Any, ...]]
@@ -47,7 +47,7 @@ class Crew:
     ----------
     processes : int
     tool : object
-        What every process works with.
+        The object that every process works with.
     prepare : callable
         Called before the first fork.
     """
@@ -145,7 +145,7 @@ class Crew:
     def _give(self, request: bytes) -> bool:
         """Put a request into the pipe, the empty one to end a process; False where the pipe is full."""
         try:
-            return os.write(self._given, request.ljust(_REQUEST, b"\0")) > 0
+            return os.write(self._given, request.ljust(_REQUEST_BYTES, b"\0")) > 0
         except BlockingIOError:
             return False
 
@@ -239,7 +239,7 @@ def _read(requests: int) -> tuple[Turn, Call]:
     EOFError
         When it is the one to end, or the parent is gone.
     """
-    request = os.read(requests, _REQUEST)
+    request = os.read(requests, _REQUEST_BYTES)
     if not request.strip(b"\0"):
         raise EOFError
     turn, call = pickle.loads(request)  # noqa: S301 - what this program wrote

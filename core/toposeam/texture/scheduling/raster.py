@@ -11,7 +11,7 @@ from toposeam.texture.placement.patch_placer import PatchPlacer
 from toposeam.texture.scheduling.process_pool import Crew
 from toposeam.texture.scheduling.wavefronts import Laying, lay_wave, waves_of
 
-#: Sides of a texture that repeats are at least this many px.
+#: Least side of a texture that repeats, px.
 SMALLEST_TILE = 16
 
 
@@ -30,7 +30,7 @@ def lay_all(
     patch, overlap : int
         Side of the patches and least overlap, px.
     crew : Crew
-        Who does it.
+        The processes that lay them; its tool is the placer.
     progress : callable, optional
         Called with the share of the patches laid.
 

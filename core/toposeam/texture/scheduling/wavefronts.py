@@ -20,8 +20,8 @@ At = tuple[int, int]
 
 
 class Laying:
-    """Patches of one shape, each laid in two halves, maybe by different processes: what fits is looked for,
-    and, when a place has been picked, where it shows.
+    """Patches of one shape, each laid in two halves, maybe by different processes: the best places are looked
+    for, and, when one has been picked, where the patch from it shows.
     """
 
     def __init__(self, placer: PatchPlacer, shape: tuple[int, int]) -> None:
@@ -69,7 +69,7 @@ def lay_wave(
     offered: dict[At, Offers | None] = {}
     places: dict[At, At] = {}
     shown: dict[At, Mask | None] = {}
-    beside, picked, laid = placer.beside(), 0, 0
+    conflicts, picked, laid = placer.wave_conflicts(), 0, 0
     for (method, (at, *_)), found in crew.answers():
         (offered if method == "offers" else shown)[at] = found
         while picked < len(windows) and windows[picked] in offered:
@@ -78,7 +78,7 @@ def lay_wave(
             if offers is None:
                 shown[at] = None
             else:
-                places[at] = placer.pick(at, shape, offers, beside)
+                places[at] = placer.pick(at, shape, offers, conflicts)
                 crew.ask("shows", at, places[at])
             picked += 1
         while laid < picked == len(windows) and windows[laid] in shown:
@@ -96,12 +96,12 @@ def waves_of(rows: list[int], columns: list[int], width: int, length: int | None
     Parameters
     ----------
     rows, columns : list of int
-        Where windows begin.
+        First rows and columns of the windows.
     width : int
-        Of a window and what it looks at on one side of it, px.
+        Width of a window with what it reads on one side of it, px.
     length : int, optional
-        Of the rows, where they go round. Then each begins further on than the one above, so that all above it
-        is there.
+        Length of the rows, where they go round. Then each row begins further on than the one above, so that
+        all patches above a window are there.
 
     Examples
     --------

@@ -5,8 +5,7 @@ from scipy import ndimage
 from skimage import data
 
 import toposeam as ts
-from toposeam.texture.exemplar import guarded
-from toposeam.texture.exemplar.landmarks import landmarks
+from toposeam.texture.exemplar import add_guard, find_landmarks
 
 SIDE = 128
 
@@ -27,17 +26,17 @@ def discs():
 def test_objects_on_a_ground_are_told_from_gravel_and_brick():
     image, objects = discs()
     every = np.ones(image.shape, bool)
-    weight, guard = landmarks(image[..., np.newaxis], every, 1)
+    weight, guard = find_landmarks(image[..., np.newaxis], every, 1)
     assert abs(weight.mean() - 1) < 1e-3
     assert weight[objects > 0].mean() > 10 * weight[objects == 0].mean()
     assert guard[objects.ravel() > 0].mean() > 10 * guard[objects.ravel() == 0].mean()
-    coarse, _ = landmarks(image[..., np.newaxis], every, 2)
+    coarse, _ = find_landmarks(image[..., np.newaxis], every, 2)
     assert coarse.shape == image.shape
     assert np.corrcoef(coarse.ravel(), weight.ravel())[0, 1] > 0.9
     for other in (data.gravel(), data.brick(), data.grass()):
         part = other[:192, :192, np.newaxis] / np.float32(255)
-        assert landmarks(part, np.ones(part.shape[:2], bool), 1).guard is None
-    plain, nothing = landmarks(np.full((20, 20, 1), 0.5, np.float32), np.ones((20, 20), bool), 1)
+        assert find_landmarks(part, np.ones(part.shape[:2], bool), 1).guard is None
+    plain, nothing = find_landmarks(np.full((20, 20, 1), 0.5, np.float32), np.ones((20, 20), bool), 1)
     assert np.isfinite(plain).all()
     assert nothing is None or np.isfinite(nothing).all()
 
@@ -49,9 +48,9 @@ def test_small_objects_are_found_and_mortar_is_none():
     mortar = ((y % 32) < 4) | (((x + 20 * (y // 32 % 2)) % 40) < 4)
     for shown, found in ((discs, True), (mortar, False)):
         image = (np.where(shown, 0.2, 0.8) + noise).astype(np.float32)[..., np.newaxis]
-        assert (landmarks(image, np.ones(shown.shape, bool), 1).guard is not None) == found
+        assert (find_landmarks(image, np.ones(shown.shape, bool), 1).guard is not None) == found
     bricks = data.brick()[192:384, 192:384, np.newaxis] / np.float32(255)
-    assert landmarks(bricks, np.ones(bricks.shape[:2], bool), 1).guard is None
+    assert find_landmarks(bricks, np.ones(bricks.shape[:2], bool), 1).guard is None
 
 
 def test_a_seam_pays_for_objects_unless_they_are_continued():
@@ -60,7 +59,7 @@ def test_a_seam_pays_for_objects_unless_they_are_continued():
     padded[1:3, 1:4] = [[10, 11, 12], [20, 21, 22]]
     source = np.array([[10, 51, 52], [20, 61, 62]], np.int32)
     plane = np.zeros((4, 5, 1), np.float32)
-    a, b = guarded(guard, plane, plane, padded, source)
+    a, b = add_guard(guard, plane, plane, padded, source)
     assert a.shape == b.shape == (4, 5, 2)
     np.testing.assert_array_equal(a[1:3, 1:4, 1], [[0, 11, 12], [0, 21, 22]])
     np.testing.assert_array_equal(b[1:3, 1:4, 1], [[0, -51, -52], [0, -61, -62]])

@@ -49,8 +49,8 @@ def test_candidate_places_match_windows_on_the_hole_s_rim(sample, monkeypatch):
     monkeypatch.setattr(offsets, "PatchSearch", Watching)
     offsets._fitting(atlas, atlas.spread([image]), hole, hole)
     # Centred on the rim of a disc, a window sees as much of its outside as of its inside.
-    shares = [weight.mean() for weight in weights[-offsets._RIM :]]
-    assert len(shares) == offsets._RIM
+    shares = [weight.mean() for weight in weights[-offsets._RIM_WINDOWS :]]
+    assert len(shares) == offsets._RIM_WINDOWS
     assert all(0.4 < share < 0.75 for share in shares)
 
 
@@ -218,8 +218,8 @@ def test_a_large_region_is_decided_in_windows_at_little_cost(sample, monkeypatch
     start.sweep(range(5), 3, "heat", None)
     label, costs, windows = start.spread(), [], []
     for at_once in (10**9, 0):
-        monkeypatch.setattr(shift_moves, "_AT_ONCE", at_once)
-        monkeypatch.setattr(shift_moves, "_SIDE", 24)
+        monkeypatch.setattr(shift_moves, "_MOST_DECISIONS", at_once)
+        monkeypatch.setattr(shift_moves, "_WINDOW", 24)
         moves = ShiftMoves(ground, shifts, box, 1, like, like)
         moves.refine(label, 4)
         before, seen = moves.total(moves.label), []
@@ -322,7 +322,7 @@ def test_large_pictures_are_halved_before_their_statistics(sample, monkeypatch):
         return reduced(picture, weight, factor)
 
     monkeypatch.setattr(offsets, "reduced", recorded)
-    monkeypatch.setattr(offsets, "_PIXELS", 2000)
+    monkeypatch.setattr(offsets, "_MOST_PIXELS", 2000)
     image = sample(6, (90, 100), channels=3) / np.float32(255)
     hole = disc((90, 100), 45, 50, 8)
     offsets._dominant(image, ~hole, hole, 4, np.random.default_rng(0))

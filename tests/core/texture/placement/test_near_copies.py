@@ -7,7 +7,7 @@ import pytest
 
 from toposeam.texture.canvas import IndexCanvas, PlaceGrid
 from toposeam.texture.placement import NEAR
-from toposeam.texture.placement.near_copies import Nearby
+from toposeam.texture.placement.near_copies import NearCopyPenalty
 
 SIDE, SAMPLE = 30, 10
 EMPTY = ((0, 4), (0, 3))
@@ -47,7 +47,7 @@ def test_near_copies_are_counted_across_wrapping_borders(wrap, top, left):
     canvas = IndexCanvas((SIDE, SIDE), wrap, SAMPLE**2)
     canvas.index[:] = index
     height, width = 4, 3
-    nearby, reach = Nearby(atlas, canvas, variety=0.5), round(NEAR * SAMPLE)
+    nearby, reach = NearCopyPenalty(atlas, canvas, variety=0.5), round(NEAR * SAMPLE)
     expected = counted(index, top, left, height, width, reach, wrap)
     every = PlaceGrid((top, left), (height, width), 0, 1, expected.shape, EMPTY)
     np.testing.assert_allclose(nearby.share(every), expected, atol=1e-6)

@@ -7,7 +7,7 @@ import pytest
 
 from toposeam.texture.canvas import IndexCanvas, PlaceGrid
 from toposeam.texture.placement import NEAR
-from toposeam.texture.placement.object_repeats import Repeats
+from toposeam.texture.placement.near_copies import ObjectRepeatPenalty
 
 SIDE, SAMPLE = 30, 10
 EMPTY = ((0, 4), (0, 3))
@@ -42,7 +42,7 @@ def repeats_of(index, weight, wrap, shorter):
     atlas = SimpleNamespace(shapes=np.array([[shorter, shorter]]), width=weight.shape[1])
     canvas = IndexCanvas(index.shape, wrap, weight.size)
     canvas.index[:] = index
-    return Repeats(atlas, canvas, weight, variety=0.5)
+    return ObjectRepeatPenalty(atlas, canvas, weight, variety=0.5)
 
 
 @pytest.mark.parametrize("wrap", [(False, False), (True, False), (False, True), (True, True)])

@@ -18,8 +18,8 @@ import toposeam as ts
 from toposeam.texture import synthesize
 from toposeam.texture.canvas import IndexCanvas, Offers
 from toposeam.texture.exemplar import Atlas
-from toposeam.texture.placement.wave_conflicts import Beside
-from toposeam.texture.repair.mend import Mending
+from toposeam.texture.placement.wave_conflicts import WaveConflicts
+from toposeam.texture.repair.seam_mending import Mending
 from toposeam.texture.scheduling import Crew, lay_wave
 from toposeam.texture.scheduling.process_pool import FORKS
 from toposeam.texture.scheduling.raster import patches_along
@@ -288,8 +288,8 @@ def test_what_is_picked_together_keeps_apart(wrap):
     canvas = IndexCanvas((200, 200), wrap, atlas.usable.size)
     limit = np.full((atlas.usable.shape[0], 1), 2.0)
 
-    def beside(near=1.0, most=100):
-        return Beside(canvas, atlas, 30, near, limit, lambda *_: most)
+    def conflicts(near=1.0, most=100):
+        return WaveConflicts(canvas, atlas, 30, near, limit, lambda *_: most)
 
     def offers(*places, new=10, continued=()):
         rows, columns = np.array(places).T
@@ -298,7 +298,7 @@ def test_what_is_picked_together_keeps_apart(wrap):
         )
 
     shape, found = (20, 20), offers((10, 10), (15, 10), (40, 40))
-    keeps = beside()
+    keeps = conflicts()
     assert (keeps.judged((0, 0), shape, found) == 1).all()
     keeps.add((0, 0), (10, 10), found)
     assert np.allclose(keeps.judged((0, 40), shape, found), [2, 1.75, 1])
@@ -307,17 +307,17 @@ def test_what_is_picked_together_keeps_apart(wrap):
     assert np.allclose(across, [2, 1.75, 1] if wrap[1] else 1)
     # Pixels that show once already show twice with what was just picked, and that is all they may.
     canvas.paint(60, 60, atlas_patch(atlas, (10, 10)), np.ones((20, 20), bool))
-    keeps = beside()  # of the next wave
+    keeps = conflicts()  # of the next wave
     keeps.add((0, 0), (10, 10), found)
     assert np.isinf(keeps.judged((0, 90), shape, found)[:2]).all()
     assert (keeps.judged((0, 90), shape, offers((10, 10))) == 1).all()  # better it than none
     # A copy of 400 px: two patches that continue it are one too many.
     limit[:] = 100
-    keeps, copy = beside(0.0, 415), offers((30, 30), (40, 40), continued=[(30, 30, 0)])
+    keeps, copy = conflicts(0.0, 415), offers((30, 30), (40, 40), continued=[(30, 30, 0)])
     assert (keeps.judged((0, 0), shape, copy) == 1).all()
     keeps.add((0, 0), (30, 30), copy)
     assert np.isinf(keeps.judged((0, 90), shape, copy)).tolist() == [True, False]
-    keeps = beside(0.0, 425)
+    keeps = conflicts(0.0, 425)
     keeps.add((0, 0), (30, 30), copy)
     assert (keeps.judged((0, 90), shape, copy) == 1).all()
 

@@ -1,4 +1,4 @@
-"""The objects of exemplars that are a ground with objects on it, and where a canvas shows which of them."""
+"""The objects of exemplars that are a ground with objects on it, and where a canvas shows each of them."""
 
 from __future__ import annotations
 
@@ -8,19 +8,22 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from toposeam.arrays import Floats32, Indices, Ints32
+from toposeam.arrays import Floats32, Indices, Ints32, Mask
 from toposeam.texture.canvas.copy_borders import ROWS
 from toposeam.texture.canvas.index_canvas import IndexCanvas
 from toposeam.texture.exemplar.atlas import Atlas
 
-#: px round an object in which a seam round it may run.
-RING = 6
-#: px round an object that go with it.
+#: Width, px, of the ring of ground round an object through which the seam round it may run.
+SEAM_RING = 6
+#: An object counts as cut if less than this share of its pixels shows; the rest allows for a few of its rim.
+WHOLE_SHARE = 0.985
+#: Width, px, of the fringe round an object that is replaced with it.
 _FRINGE = 2
-#: Number of px on an exemplar's border, half as unlike the ground as an object's mean, from which on the
-#: object counts as cut.
-_CUT = 3
-#: px along an exemplar's border that do not tell how much objects cover.
+#: An object touches its exemplar's border, and counts as cut, if at least this many border pixels next to it
+#: differ from the ground by half as much as the object's mean: fewer count as noise.
+_LEAST_BORDER_PIXELS = 3
+#: Width, px, of the rim of exemplars that is left out when their coverage by objects is measured: on many
+#: exemplars no object lies there.
 _RIM = 4
 
 At = tuple[int, int]
@@ -37,14 +40,14 @@ class Object:
     #: (n, 2) its pixels, and those of ground round it, from its middle on.
     pixels: Indices
     ring: Indices
-    #: How far its pixels are from its middle at most, along either axis.
+    #: Largest distance of its pixels from its middle along either axis, px.
     reach: int
-    #: Whether it lies in its exemplar wholly, as far as can be seen.
+    #: Whether all of it lies in its exemplar, as far as can be seen.
     whole: bool
 
 
-class Objects:
-    """Finds objects.
+class ObjectCatalog:
+    """The objects of an atlas, numbered, and where a canvas shows them.
 
     Parameters
     ----------
@@ -57,7 +60,7 @@ class Objects:
 
     def __init__(self, guard: Floats32, features: Floats32, atlas: Atlas, canvas: IndexCanvas) -> None:
         self.atlas, self.canvas = atlas, canvas
-        # What catches the eye is seen blurred, and a little too large.
+        # Landmarks are found in a blurred picture, where objects are a little too large.
         core = ndimage.binary_erosion(guard.reshape(atlas.usable.shape) > 0, border_value=1)
         marks = ndimage.label(core)[0].astype(np.int32)
         #: (AH, AW) int32, the number of the object at each pixel, from 1 on, and the same with its fringe.
@@ -65,14 +68,15 @@ class Objects:
         self.fringed = np.where(marks > 0, marks, ndimage.grey_dilation(marks, (2 * _FRINGE + 1,) * 2))
         bare = atlas.copied & (marks == 0)
         ground = np.median(features[bare], axis=0) if bare.any() else np.float32(0)
-        #: How unlike the ground a pixel is, and whether it lies on an exemplar's border.
+        #: (AH, AW) float32: distance of each pixel's features from the median ground.
         self._unlike = np.sqrt(np.square(features - ground).sum(axis=2))
+        #: (AH, AW) bool: pixels on an exemplar's border.
         self._border = atlas.copied & ~ndimage.binary_erosion(atlas.copied)
         self.all = [self._object(number, box) for number, box in enumerate(ndimage.find_objects(marks), 1)]
         self._middles = np.array([one.middle for one in self.all], np.intp).reshape(-1, 2)
 
     def shown(self) -> Counter[Key]:
-        """Count the pixels of objects that show, and where on the canvas."""
+        """Count the pixels that show of each object on the canvas."""
         found: Counter[Key] = Counter()
         index = self.canvas.index
         for top in range(0, index.shape[0] if self.all else 0, ROWS):
@@ -82,7 +86,9 @@ class Objects:
         return found
 
     def at(self, y: Indices, x: Indices, index: Ints32) -> Counter[Key]:
-        """Count the same for some pixels only: their rows, columns and flat indices, (n,) each."""
+        """Count the pixels of each object among some pixels of the canvas, given by rows, columns and flat
+        indices, (n,) each.
+        """
         number = self.marks.ravel().take(np.maximum(index, 0)) * (index >= 0)
         on = np.flatnonzero(number)
         number = number.take(on) - 1
@@ -111,7 +117,7 @@ class Objects:
         return number, row % height if height else row, column % width if width else column
 
     def room(self, key: Key) -> int:
-        """Count the pixels of an object that would be on the canvas."""
+        """Count the pixels of an object that lie on the canvas, covered or not."""
         one = self.all[key[0]]
         if all(
             wraps or one.reach <= middle < limit - one.reach
@@ -126,16 +132,55 @@ class Objects:
         return int(inside.sum())
 
     def density(self) -> float:
-        """Compute what share of the exemplars objects cover, off their borders, where many have none."""
-        off = ndimage.binary_erosion(self.atlas.copied, np.ones((3, 3)), _RIM)
-        return float(np.mean(self.marks[off] > 0)) if off.any() else 0.0
+        """Compute the share of the exemplars that objects cover, without the exemplars' rims."""
+        inner = ndimage.binary_erosion(self.atlas.copied, np.ones((3, 3)), _RIM)
+        return float(np.mean(self.marks[inner] > 0)) if inner.any() else 0.0
+
+    def is_cut(self, key: Key) -> bool:
+        """Test whether an object is cut on the canvas or by its exemplar's border."""
+        one = self.all[key[0]]
+        if not one.whole:
+            return True
+        places = (np.array(one.middle) + one.pixels) @ (self.atlas.width, 1)
+        top, left, side = key[1] - one.reach, key[2] - one.reach, 2 * one.reach + 1
+        known = self.canvas.read(top, left, side, side)
+        shown = np.count_nonzero(known[tuple((one.pixels + one.reach).T)] == places)
+        return bool(shown < WHOLE_SHARE * max(self.room(key), 1))
+
+    def mask_of(self, key: Key, known: Ints32, top: int, left: int) -> Mask:
+        """Find where a window of the canvas shows an object and its fringe: (h, w) bool.
+
+        Parameters
+        ----------
+        key : (int, int, int)
+        known : (h, w) int32 array
+            Flat indices of the pixels that the window shows; -1 where it shows none.
+        top, left : int
+            First pixel of the window on the canvas.
+        """
+        y, x = np.arange(known.shape[0])[:, np.newaxis], np.arange(known.shape[1])[np.newaxis]
+        lines = []
+        for line, first, at, middle, limit, wraps in zip(
+            (y, x),
+            (top, left),
+            key[1:],
+            self.all[key[0]].middle,
+            self.canvas.shape,
+            self.canvas.wrap,
+            strict=True,
+        ):
+            away = (first - at + limit // 2) % limit - limit // 2 if wraps else first - at
+            lines.append(middle + away + line)
+        seen: Mask = known == lines[0] * self.atlas.width + lines[1]
+        seen &= self.fringed.ravel()[np.maximum(known, 0)] == key[0] + 1
+        return seen
 
     def _object(self, number: int, box: tuple[slice, slice]) -> Object:
-        top, left = (max(side.start - RING, 0) for side in box)
-        around = slice(top, box[0].stop + RING), slice(left, box[1].stop + RING)
+        top, left = (max(side.start - SEAM_RING, 0) for side in box)
+        around = slice(top, box[0].stop + SEAM_RING), slice(left, box[1].stop + SEAM_RING)
         marks = self.marks[around]
         own = marks == number
-        ring = ndimage.binary_dilation(own, iterations=RING) & (marks == 0)
+        ring = ndimage.binary_dilation(own, iterations=SEAM_RING) & (marks == 0)
         unlike = self._unlike[around]
         on_border = unlike[ndimage.binary_dilation(own) & self._border[around]]
         middle = (box[0].start + box[0].stop - 1) // 2, (box[1].start + box[1].stop - 1) // 2
@@ -146,5 +191,5 @@ class Objects:
             pixels=pixels,
             ring=np.argwhere(ring) + offset,
             reach=int(np.abs(pixels).max()),
-            whole=int(np.count_nonzero(on_border > unlike[own].mean() / 2)) < _CUT,
+            whole=int(np.count_nonzero(on_border > unlike[own].mean() / 2)) < _LEAST_BORDER_PIXELS,
         )

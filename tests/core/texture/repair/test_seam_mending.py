@@ -6,7 +6,7 @@ import skimage.data
 from scipy import ndimage
 
 import toposeam as ts
-from toposeam.texture.repair import mend
+from toposeam.texture.repair import seam_mending
 
 
 def costs_by_definition(placer):
@@ -47,7 +47,7 @@ def test_mending_makes_the_seams_better():
 
 @pytest.mark.parametrize("tileable", ["none", "both"])
 def test_the_worst_is_looked_for_in_what_seams_cost_now(monkeypatch, tileable):
-    at, changed, worst = [], [], mend._worst
+    at, changed, worst = [], [], seam_mending._worst
 
     def watched(placer, local, shape, count):
         costs = costs_by_definition(placer).reshape(20, 8, 20, 8).sum(axis=(1, 3))
@@ -59,7 +59,7 @@ def test_the_worst_is_looked_for_in_what_seams_cost_now(monkeypatch, tileable):
         changed.append(near.sum())
         return worst(placer, local, shape, count)
 
-    monkeypatch.setattr(mend, "_worst", watched)
+    monkeypatch.setattr(seam_mending, "_worst", watched)
     ts.synthesize(skimage.data.brick()[:96, :96], 160, patch=24, seed=1, mend=1.0, tileable=tileable)
     assert at[0] > 50
     assert changed[-1] < 0.98 * changed[0]

@@ -1,10 +1,10 @@
-"""Mending: patches laid over the worst seams, as long as that makes them better (after Kwatra et al. 2003,
-section 3.2).
+"""Mend a texture: lay patches over the worst seams, as long as that lowers the seams' cost (after Kwatra et
+al. 2003, section 3.2).
 
-The visibility of every seam is known from the map of sources alone: at the interface of pixels s and t that
-come from different copies A and B, |A(s) - B(s)| + |A(t) - B(t)|, where A(t) is what follows s in the
-exemplar, and B(s) what precedes t. A patch over a bad place must show where the bad interfaces are, and joins
-what is round it along a seam that closes round them. It stays if the seams in its window cost less than
+The cost of every seam follows from the map of sources alone: at the interface of pixels s and t that come
+from different copies A and B it is |A(s) - B(s)| + |A(t) - B(t)|, where A(t) is the pixel that follows s in
+the exemplar, and B(s) the one that precedes t. A patch over a bad place must show where the bad interfaces
+are, and is cut along a seam that closes round them. It stays if the seams in its window cost less than
 before.
 """
 
@@ -23,20 +23,20 @@ from toposeam.texture.placement.patch_placer import PatchPlacer
 from toposeam.texture.scheduling.process_pool import Crew
 from toposeam.texture.scheduling.wavefronts import At, lay_wave
 
-#: Side of the blocks of px by which bad places are found.
+#: Side of the blocks by whose costs bad places are found, px.
 _BLOCK = 8
-#: An interface is bad where it costs more than this share of the worst one in the window.
-_BAD = 0.25
-#: A patch stays if the seams in its window cost less than this share of what they did.
-_BETTER = 0.97
+#: Least cost of a bad interface, as a share of the worst one's in its window.
+_BAD_SHARE = 0.25
+#: Largest cost of the seams in a window after a patch that stays, as a share of their cost before.
+_STAYING_SHARE = 0.97
 #: Number of places, far enough from one another, that are mended at the same time.
-_AT_ONCE = 8
-#: Failures in a row after which mending stops, as the remaining seams are better already.
-_PATIENCE = 8
+_PLACES_AT_ONCE = 8
+#: Number of failures in a row after which mending ends, as the remaining seams are better already.
+_MOST_FAILURES = 8
 
 
 class Mending:
-    """Patches over what is bad in windows of one shape, each laid in two halves as by
+    """Patches over bad seams in windows of one shape, each laid in two halves as by
     :class:`toposeam.texture.scheduling.wavefronts.Laying`.
     """
 
@@ -46,7 +46,7 @@ class Mending:
         self._found: dict[At, tuple[Site, Ints32, Mask, float]] = {}
 
     def offers(self, at: At) -> Offers | None:
-        """Find the best places for a patch over what is bad in a window; None where nothing is."""
+        """Find the best places for a patch over the bad seams of a window; None where there are none."""
         found = self._look(at)
         if found is None:
             return None
@@ -54,7 +54,7 @@ class Mending:
         return self._placer.ranking.offers(found[0])
 
     def shows(self, at: At, place: At) -> Mask | None:
-        """Find where the patch from a place shows; None if the seams would be no better."""
+        """Find where the patch from a place shows; None if the seams would hardly cost less."""
         found = self._found.pop(at, None) or self._look(at)
         if found is None:
             return None
@@ -63,11 +63,11 @@ class Mending:
         shows = placer.cut(np.where(bad, np.int32(-1), padded), source, site.covers, closed=True)
         after = padded.copy()
         np.copyto(after[1:-1, 1:-1], source, where=shows)
-        return None if _seam_costs(placer, after).sum() >= _BETTER * before else shows
+        return None if _seam_costs(placer, after).sum() >= _STAYING_SHARE * before else shows
 
     def _look(self, at: At) -> tuple[Site, Ints32, Mask, float] | None:
-        """Read a window, and one pixel round it: what shows, where it is bad, and what its seams cost; None
-        where nothing is bad.
+        """Read a window and one pixel round it: the pixels that show, the bad ones, and the cost of the
+        seams; None where no seam is bad.
         """
         placer, m, (top, left), (h, w) = self._placer, self._placer.margin, at, self._shape
         known = placer.canvas.read(top - m, left - m, h + 2 * m, w + 2 * m)
@@ -76,7 +76,7 @@ class Mending:
         edge = min(self._shape) // 5
         inner = slice(1 + edge, 1 + h - edge), slice(1 + edge, 1 + w - edge)
         bad = np.zeros(before.shape, bool)
-        bad[inner] = before[inner] > _BAD * before[inner].max()
+        bad[inner] = before[inner] > _BAD_SHARE * before[inner].max()
         if not bad.any():
             return None
         bad |= np.roll(bad, 1, 0) | np.roll(bad, 1, 1)
@@ -102,16 +102,16 @@ def mend(
     shape : (int, int)
         Height and width of the patches.
     count : int
-        How many places are tried.
+        Number of places that are tried.
     crew : Crew
-        Who does it.
+        The processes that lay them; its tool is the placer.
     progress : callable, optional
         Called with the share of the places tried.
 
     Returns
     -------
     int
-        How many patches were laid.
+        Number of patches that were laid.
     """
     canvas = placer.canvas
     height, width = canvas.shape
@@ -125,9 +125,9 @@ def mend(
     mode = ["wrap" if wraps else "constant" for wraps in canvas.wrap]
     reach = [max(1, length // (2 * _BLOCK)) for length in shape]
     laid = failed = steps = 0
-    while steps < count and failed < _PATIENCE:
+    while steps < count and failed < _MOST_FAILURES:
         local = ndimage.uniform_filter(worth, reach, mode=mode) * (1 - tried)
-        worst = _worst(placer, local, shape, min(_AT_ONCE, count - steps))
+        worst = _worst(placer, local, shape, min(_PLACES_AT_ONCE, count - steps))
         if not worst:
             break
         for block in worst.values():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from toposeam.texture.repair.object_index import Positions
+from toposeam.texture.objects.object_positions import ObjectPositions
 
 
 @pytest.mark.parametrize("wrap", [(True, True), (True, False), (False, True), (False, False)])
@@ -15,7 +15,7 @@ def test_what_is_near_is_what_comparing_all_finds(shape, reach, wrap):
         (n, *(at % limit if wraps else at for at, limit, wraps in zip(place, shape, wrap, strict=True)))
         for n, *place in keys
     }
-    positions = Positions(shape, wrap, reach)
+    positions = ObjectPositions(shape, wrap, reach)
     for key in keys:
         positions.put(key, True)
     gone = set(sorted(keys)[::5])
@@ -43,7 +43,7 @@ def test_asking_what_is_near_looks_at_few_of_many():
             Counted.asked += item == 1
             return super().__getitem__(item)
 
-    positions = Positions((4096, 4096), (True, True), 100.0)
+    positions = ObjectPositions((4096, 4096), (True, True), 100.0)
     for y in range(0, 4096, 40):
         for x in range(0, 4096, 40):
             positions.put(Counted((0, y, x)), True)

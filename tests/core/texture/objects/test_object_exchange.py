@@ -8,12 +8,20 @@ import pytest
 from scipy import ndimage
 
 import toposeam as ts
+from toposeam.texture import objects as objects_room
 from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.exemplar import Atlas
+from toposeam.texture.objects import make_objects_whole
+from toposeam.texture.objects.object_catalog import WHOLE_SHARE, ObjectCatalog
+from toposeam.texture.objects.object_exchange import ObjectExchange
+from toposeam.texture.objects.object_replacement import (
+    GROUND,
+    MAX_FORBIDDEN,
+    MENDED,
+    ObjectReplacer,
+    ReplacementTask,
+)
 from toposeam.texture.placement import ClosedPatch, PatchPlacer
-from toposeam.texture.repair import Exchange
-from toposeam.texture.repair.object_replacement import FORBIDDEN, GROUND, MENDED, WHOLE, Replacing, ToReplace
-from toposeam.texture.repair.objects import Objects
 from toposeam.texture.scheduling import Crew
 from toposeam.texture.scheduling.process_pool import FORKS
 
@@ -47,17 +55,26 @@ def placer_on(image, index, wrap=(False, False)):
     return PatchPlacer(atlas, features, canvas, options, np.random.default_rng(0), index.size)
 
 
+def exchange_on(placer):
+    """The exchange of a placer's objects by one process."""
+    return ObjectExchange(placer, (40, 40), Crew(1, placer, lambda: None), MANY)
+
+
 def shown(placer, objects):
     """The number of the disc at each pixel of a placer's canvas."""
     _, place = placer.atlas.locate(placer.canvas.index)
     return objects[place[..., 0], place[..., 1]]
 
 
+def test_the_room_of_objects_has_one_door():
+    assert objects_room.__all__ == ["make_objects_whole"]
+
+
 def test_objects_and_where_they_show_are_found():
     image, _, middles = discs()
     index = np.arange(image.size).reshape(image.shape)
     placer = placer_on(image, np.roll(index, (5, 9), (0, 1)), (True, True))
-    found = Objects(placer.guard, placer.features, placer.atlas, placer.canvas)
+    found = ObjectCatalog(placer.guard, placer.features, placer.atlas, placer.canvas)
     assert len(found.all) == len(middles)
     assert all(one.whole for one in found.all)
     counts = found.shown()
@@ -86,7 +103,7 @@ def test_cut_objects_are_completed_or_removed(enough):
         free = np.argwhere(objects_apart(shown(placer, objects)) > 14)[-1]
         canvas.paint(*(free - 11), disc, np.ones(disc.shape, bool))
     assert np.count_nonzero(shown(placer, objects) == 4) < 0.9 * area[4]
-    Exchange(placer, (40, 40), Crew(1, placer, lambda: None), MANY).run()
+    make_objects_whole(placer, (40, 40), Crew(1, placer, lambda: None), MANY)
     there = shown(placer, objects)
     assert [there[tuple(cut)], there[tuple(small)]] == ([0, 0] if enough else [4, 9])
     made = np.bincount(there.ravel())
@@ -108,7 +125,7 @@ def test_discs_cut_by_the_sample_border_are_not_whole_objects(flat):
     full, (row, column) = np.bincount(objects.ravel()), middles[0]
     image, objects = image[row:, : column + 6], objects[row:, : column + 6]
     placer = placer_on(image, np.arange(image.size).reshape(image.shape))
-    found = Objects(placer.guard, placer.features, placer.atlas, placer.canvas)
+    found = ObjectCatalog(placer.guard, placer.features, placer.atlas, placer.canvas)
     on_border = np.unique(np.concatenate([objects[0], objects[-1], objects[:, 0], objects[:, -1]]))
     whole = [number for number in np.unique(objects) if number and number not in on_border]
     assert len(whole) < len(np.unique(objects)) - 1
@@ -130,11 +147,11 @@ def test_a_cut_object_is_completed_if_half_of_it_is_due(more, there):
     placer = placer_on(image, np.arange(image.size).reshape(image.shape))
     bare = placer.patch(tuple(placer.atlas.corners[0]), (8, 17))
     placer.canvas.paint(*(middle - 8).tolist(), bare, np.ones(bare.shape, bool))
-    exchange = Exchange(placer, (40, 40), Crew(1, placer, lambda: None), MANY)
-    (key,) = [key for key, count in exchange._shown.items() if count < exchange._objects.room(key)]
+    exchange = exchange_on(placer)
+    (key,) = [key for key, count in exchange._shown.items() if count < exchange._catalog.room(key)]
     # What is shown now, and half of what there is room for.
-    half = exchange._now - exchange._shown[key] + exchange._objects.room(key) / 2
-    exchange._due = half + more
+    half = exchange._covered - exchange._shown[key] + exchange._catalog.room(key) / 2
+    exchange._wanted = half + more
     exchange.run()
     assert shown(placer, objects)[tuple(middle)] == there
 
@@ -197,19 +214,19 @@ def test_object_replacement_is_deterministic_and_has_no_effects():
         top, left = (middle + np.array([-3, -12])).tolist()
         source = placer.patch(tuple(placer.atlas.corners[0] + rng.integers(0, 100, 2)), (12, 25))
         canvas.paint(top, left, source, np.ones(source.shape, bool))
-    one, again = (Replacing(placer, (40, 40)) for _ in range(2))
-    shown, before = one.objects.shown(), canvas.index.copy()
-    cut = {key for key, count in shown.items() if count < WHOLE * one.objects.room(key)}
-    assert {key for key in shown if one._is_cut(key)} == cut
+    one, again = (ObjectReplacer(placer, (40, 40)) for _ in range(2))
+    shown, before = one.catalog.shown(), canvas.index.copy()
+    cut = {key for key, count in shown.items() if count < WHOLE_SHARE * one.catalog.room(key)}
+    assert {key for key in shown if one.catalog.is_cut(key)} == cut
     assert 0 < len(cut) < len(shown)
     tasks = [
-        ToReplace(key, (MENDED, GROUND, 3)[number % 3], number % 2)
+        ReplacementTask(key, (MENDED, GROUND, 3)[number % 3], number % 2)
         for number, key in enumerate(sorted(shown))
     ]
     done = 0
     for task in tasks:
         given = np.array(task.numbers(), np.int32).tobytes()
-        (found,), (same,) = one.replaced(given), again.replaced(given)
+        (found,), (same,) = one.replace_all(given), again.replace_all(given)
         assert (found is None) == (same is None)
         if found is not None:
             assert found[:2] == same[:2]
@@ -223,13 +240,13 @@ def test_object_replacement_is_deterministic_and_has_no_effects():
 
 def test_objects_replaced_at_the_same_time_do_not_touch(monkeypatch):
     image, _, _ = discs()
-    rounds, found = [], Exchange._found
+    rounds, found = [], ObjectExchange._answers_to
 
     def noted(self, tasks):
-        rounds.append([(task, self._own.around(task)) for task in tasks])
+        rounds.append([(task, self._replacer.reach_of(task)) for task in tasks])
         return found(self, tasks)
 
-    monkeypatch.setattr(Exchange, "_found", noted)
+    monkeypatch.setattr(ObjectExchange, "_answers_to", noted)
     for tileable in "none", "both":
         rounds.clear()
         ts.synthesize(image, 400, patch=40, seed=3, tileable=tileable)
@@ -245,13 +262,13 @@ def test_objects_replaced_at_the_same_time_do_not_touch(monkeypatch):
 def test_objects_are_replaced_by_others_and_come_out_the_same(monkeypatch):
     image, _, _ = discs()
     workers = mmap(-1, 2)  # whether this process has replaced any, and whether another one has
-    own, replaced = os.getpid(), Replacing.replaced
+    own, replaced = os.getpid(), ObjectReplacer.replace_all
 
     def noted(self, tasks):
         workers[os.getpid() != own] |= bool(tasks)
         return replaced(self, tasks)
 
-    monkeypatch.setattr(Replacing, "replaced", noted)
+    monkeypatch.setattr(ObjectReplacer, "replace_all", noted)
     one = ts.synthesize(image, 400, patch=40, seed=3)
     assert workers[:] == b"\1\0"
     two = ts.synthesize(image, 400, patch=40, seed=3, processes=2)
@@ -274,7 +291,7 @@ def test_shared_copies_have_room_for_all_replacements(monkeypatch):
 
     monkeypatch.setattr(IndexCanvas, "share", noted_share)
     monkeypatch.setattr(IndexCanvas, "_grow", noted_grow)
-    monkeypatch.setattr("toposeam.texture.canvas.index_canvas._FIRST", 1)
+    monkeypatch.setattr("toposeam.texture.canvas.index_canvas._FIRST_PATCHES", 1)
     made = ts.synthesize(image, 400, patch=40, seed=3, processes=2)
     assert len(shared) == FORKS
     assert not grown
@@ -291,7 +308,7 @@ def test_no_more_objects_are_replaced_than_there_is_room_for():
             source = placer.patch(tuple(placer.atlas.corners[0] + (100, 2)), (5, 12))
             placer.canvas.paint(top, left, source, np.ones(source.shape, bool))
         before = placer.canvas.patches
-        done = Exchange(placer, (40, 40), Crew(1, placer, lambda: None), before + room).run()
+        done = make_objects_whole(placer, (40, 40), Crew(1, placer, lambda: None), before + room)
         assert placer.canvas.patches - before == done <= room
         counts.append(done)
     assert counts[0] > counts[1] > 0
@@ -311,23 +328,24 @@ def test_others_prepare_themselves_while_this_process_does(monkeypatch):
         monkeypatch.setattr(owner, name, noted)
     placer = placer_on(image, np.arange(image.size).reshape(image.shape))
     with Crew(1, placer, lambda: None) as crew:
-        Exchange(placer, (40, 40), crew, MANY)
-    assert done == ["begin", "ask", "pass_on", "own"]
+        make_objects_whole(placer, (40, 40), crew, MANY)
+    assert done[:4] == ["begin", "ask", "pass_on", "own"]
+    assert done.count("begin") == 1
 
 
 def test_an_object_is_not_completed_by_one_shown_near_by():
     image, _, _ = discs()
     placer = placer_on(image, np.arange(image.size).reshape(image.shape))
-    exchange = Exchange(placer, (40, 40), Crew(1, placer, lambda: None), MANY)
+    exchange = exchange_on(placer)
     key = next(iter(exchange._shown))
-    task, alike = ToReplace(key, MENDED), set(exchange._own.like(key[0]))
-    near = {other[0] for other in exchange._there.near(key[1:])} & alike
-    assert 0 < len(near) < FORBIDDEN
+    task, alike = ReplacementTask(key, MENDED), set(exchange._replacer.similar(key[0]))
+    near = {other[0] for other in exchange._positions.near(key[1:])} & alike
+    assert 0 < len(near) < MAX_FORBIDDEN
     (far,) = sorted(alike - near)[:1]
-    assert set(exchange._without(task, set()).without) == near
-    assert set(exchange._without(task, {far}).without) == {far, *near}
-    assert exchange._without(task, set(range(FORBIDDEN))) == ToReplace(key, GROUND)
-    assert exchange._without(ToReplace(key, 3, 1), set()) == ToReplace(key, 3, 1)
+    assert set(exchange._forbidding(task, set()).forbidden) == near
+    assert set(exchange._forbidding(task, {far}).forbidden) == {far, *near}
+    assert exchange._forbidding(task, set(range(MAX_FORBIDDEN))) == ReplacementTask(key, GROUND)
+    assert exchange._forbidding(ReplacementTask(key, 3, 1), set()) == ReplacementTask(key, 3, 1)
 
 
 def test_a_copy_continued_by_two_at_once_stays_within_its_limit():
@@ -339,10 +357,10 @@ def test_a_copy_continued_by_two_at_once_stays_within_its_limit():
     apart = np.hypot(*(middles[:, np.newaxis] - middles).transpose(2, 0, 1))
     for middle in middles[list(np.unravel_index(apart.argmax(), apart.shape))]:
         canvas.paint(*(middle - 8).tolist(), ground, np.ones(ground.shape, bool))
-    exchange = Exchange(placer, (40, 40), Crew(1, placer, lambda: None), MANY)
-    exchange._own.largest = canvas.area_of(0) + ground.size * 3 // 2
+    exchange = exchange_on(placer)
+    exchange._replacer.largest = canvas.area_of(0) + ground.size * 3 // 2
     assert exchange.run() >= 1
-    assert canvas.area_of(0) <= exchange._own.largest
+    assert canvas.area_of(0) <= exchange._replacer.largest
     assert np.count_nonzero(shown(placer, objects)) > np.count_nonzero(objects) - ground.size
 
 
@@ -359,8 +377,8 @@ def test_a_repeated_object_is_replaced_by_one_that_fits(monkeypatch):
         return np.count_nonzero(shown(placer, objects) == one + 1) > 1.5 * (objects == one + 1).sum()
 
     assert twice()
-    monkeypatch.setattr(Exchange, "_chosen", lambda *_: {})
-    assert Exchange(placer, (40, 40), Crew(1, placer, lambda: None), MANY).run() == 1
+    monkeypatch.setattr("toposeam.texture.objects.object_exchange.ObjectExchange._choose", lambda *_: {})
+    assert make_objects_whole(placer, (40, 40), Crew(1, placer, lambda: None), MANY) == 1
     assert not twice()
 
 

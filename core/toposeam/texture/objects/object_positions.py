@@ -1,4 +1,6 @@
-"""Objects by where they lie on a canvas, in cells, so that what is near one is found without asking all."""
+"""Places of objects on a canvas, kept in cells, so that the neighbours of one are found without a search of
+all.
+"""
 
 from __future__ import annotations
 
@@ -7,11 +9,11 @@ from collections import defaultdict
 
 import numpy as np
 
-from toposeam.texture.repair.objects import At, Key
+from toposeam.texture.objects.object_catalog import At, Key
 
 
-class Positions:
-    """Keeps objects in cells no smaller than the distance within which two are near each other.
+class ObjectPositions:
+    """Places of objects, in cells no smaller than the distance within which two are near each other.
 
     Parameters
     ----------
@@ -24,7 +26,7 @@ class Positions:
 
     Examples
     --------
-    >>> here = Positions((100, 100), (True, True), 10.0)
+    >>> here = ObjectPositions((100, 100), (True, True), 10.0)
     >>> here.put((0, 1, 50), True)
     >>> here.near((98, 50)), here.near((12, 50))
     ([(0, 1, 50)], [])
@@ -46,11 +48,11 @@ class Positions:
         (cell.add if there else cell.discard)(key)
 
     def near(self, at: At) -> list[Key]:
-        """List the objects near a place, one that lies there too, in no order."""
+        """List the objects near a place in no order, among them one that lies exactly there."""
         return self._near([at])[0]
 
     def neighbours(self) -> dict[Key, list[Key]]:
-        """List the objects near each object, itself too."""
+        """List the objects near each object, the object itself included."""
         cells = [list(cell) for cell in self._cells.values() if cell]
         return {
             key: near
@@ -85,7 +87,7 @@ class Positions:
         return math.floor(place * count / limit)
 
     def _around(self, axis: int, place: int) -> set[int]:
-        """List the cells in which what is near along one axis lies."""
+        """List the cells along one axis that may hold objects near a place."""
         cell, count = self._cell(axis, place), self._counts[axis]
         reach = 1 if self._shape[axis] >= self._reach else math.ceil(self._reach / self._shape[axis])
         cells = range(cell - reach, cell + reach + 1)

@@ -12,7 +12,7 @@ from toposeam.display import to_pil, to_rgba8
 from toposeam.errors import OptionError, Term
 from toposeam.saving import path_of, save
 
-#: Suffixes of files, and Pillow's name of the format.
+#: Suffix of a file: Pillow's name of the format.
 _FORMATS = {
     ".png": "PNG",
     ".jpg": "JPEG",
@@ -29,10 +29,10 @@ class PictureResult:
     __slots__ = ()
 
     def save(self, path: str | Path) -> None:
-        """Write the picture as PNG, JPEG, WebP or TIFF, as the file's name ends.
+        """Write the picture as PNG, JPEG, WebP or TIFF, by the suffix of the file's name.
 
-        An existing file is replaced. TIFF keeps every depth; the others hold 8 bits, to which pictures of
-        float values in [0, 1] are rounded, as motifs are everywhere.
+        An existing file is replaced. TIFF keeps every depth; the others hold 8 bits, to which floats in
+        [0, 1] are rounded. Motifs are rounded to 8 bits in every format.
 
         Parameters
         ----------
@@ -41,10 +41,10 @@ class PictureResult:
         Raises
         ------
         OptionError
-            For other endings; for integers of more than 8 bits, and what is not opaque, in formats that do
-            not keep them.
+            For other suffixes; for integers of more than 8 bits, or an opacity, in formats that cannot hold
+            them.
         OSError
-            When the file cannot be written; what was there is still there.
+            When the file cannot be written; an existing file is unchanged.
         """
         save(path, _encoded(self, path_of(path)))
 

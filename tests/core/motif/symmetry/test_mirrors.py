@@ -5,7 +5,7 @@ import pytest
 from scipy import ndimage
 
 import toposeam as ts
-from toposeam.motif.border_smoothing import conspicuous
+from toposeam.motif.border_smoothing import border_visibilities
 from toposeam.motif.symmetry import Mirrors, symmetry
 from toposeam.motif.symmetry.mirrors import mirrors, places_of
 
@@ -147,6 +147,6 @@ def test_no_border_shows(repeat):
     """Rules whose borders showed in one of these seeds while nothing was done about it."""
     for seed in (0, 1, 2):
         motif = ts.generate_motif(64, repeat=repeat, seed=seed, layers=2)
-        assert conspicuous(motif).max() <= 1.0
+        assert border_visibilities(motif).max() <= 1.0
         for layer, density in zip(motif.recipe.layers, motif.densities, strict=True):
             assert density.mean() == pytest.approx(layer.mass, abs=0.01)

@@ -15,7 +15,7 @@ from toposeam.checks import Seed, check_items, check_pair, check_whole, check_wh
 from toposeam.errors import OptionError, Term
 from toposeam.motif.ink.printing import MAX_PATTERN, Inked, checked_size
 from toposeam.motif.ink.sampling import resample
-from toposeam.motif.ink.stroke_edges import EDGES, fineness, printed, shading
+from toposeam.motif.ink.stroke_edges import EDGES, fineness, print_layer, stroke_ends
 from toposeam.motif.motif import Motif
 
 #: Standard deviation, as a share of the cell's side, of the blur that mixes prints with unlike stroke edges.
@@ -88,8 +88,8 @@ class Arrangement(Inked):
         left = np.ones(size, np.float32)
         for edge in sorted(set(kinds), key=EDGES.index):  # wash fades into strokes, not into nothing
             cells = np.isin(self.grid, [index for index, kind in enumerate(kinds) if kind == edge])
-            share = left * np.minimum(2 * _spread(cells, size), 1)
-            result += share * printed(smooth, edge, self.repeat, elements, size, self._ends[layer, edge])
+            share = left * np.minimum(2 * _blurred_cells(cells, size), 1)
+            result += share * print_layer(smooth, edge, self.repeat, elements, size, self._ends[layer, edge])
             left -= share
         return result
 
@@ -111,7 +111,7 @@ class Arrangement(Inked):
 
     @cached_property
     def _ends(self) -> dict[tuple[int, str], tuple[float, np.float32]]:
-        """Level and gain of `shading` for every layer and each of its stroke edges."""
+        """Level and gain of `stroke_ends` for every layer and each of its stroke edges."""
         rows, columns = self.motifs[0].densities.shape[1:]
         fine = fineness((rows, columns))
         found = {}
@@ -122,7 +122,7 @@ class Arrangement(Inked):
                     for motif, kind in zip(self.motifs, kinds, strict=True)
                     if kind == edge
                 )
-                found[layer, edge] = shading(fields, edge, self.repeat, fine)
+                found[layer, edge] = stroke_ends(fields, edge, self.repeat, fine)
         return found
 
     def __repr__(self) -> str:
@@ -228,7 +228,7 @@ def arrange(
     )
 
 
-def _spread(cells: npt.NDArray[np.bool_], size: tuple[int, int]) -> npt.NDArray[np.float32]:
+def _blurred_cells(cells: npt.NDArray[np.bool_], size: tuple[int, int]) -> npt.NDArray[np.float32]:
     """Enlarge a bool grid of cells to (rows, columns) px, blurred across the cells' borders."""
     places = [np.arange(px) * many // px for px, many in zip(size, cells.shape, strict=True)]
     field = cells[np.ix_(*places)].astype(np.float32)

@@ -53,7 +53,7 @@ FINISH: dict[str, tuple[int | None, str | None]] = {
     "canvas": (None, None),
 }
 #: The product whose pattern of the same season serves as the second one, such as on a collar or a border.
-BESIDE = {"shirt": "tie", "scarf": "shirt", "tie": "scarf"}
+SECOND_PRODUCT = {"shirt": "tie", "scarf": "shirt", "tie": "scarf"}
 
 
 def book_recipe(theme: npt.ArrayLike, seed: int, number: int, size: int) -> Recipe:

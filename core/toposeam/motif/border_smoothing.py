@@ -21,12 +21,12 @@ import numpy.typing as npt
 from toposeam.arrays import Floats, Floats32
 from toposeam.colours import LUMA
 from toposeam.motif.ink.mixing import mix
-from toposeam.motif.ink.stroke_edges import beyond, level
+from toposeam.motif.ink.stroke_edges import coverage_beyond, level
 from toposeam.motif.motif import Motif, repeat_densities
 from toposeam.motif.optimise.hexagonal_lattice import tile_size, to_tile
-from toposeam.motif.optimise.layer import THINNEST
+from toposeam.motif.optimise.layer import MIN_DENSITY
 from toposeam.motif.recipe.recipe import Recipe
-from toposeam.motif.symmetry.borders import line_visibility, reach_of
+from toposeam.motif.symmetry.borders import compared_distance, line_visibility
 from toposeam.motif.symmetry.rules import HEXAGONAL, symmetry
 from toposeam.motif.symmetry.tiling import period, tile
 
@@ -41,9 +41,9 @@ _PASSES = 3
 _MAX_TONE_VISIBILITY, _TRIAL_PATTERNS = 0.85, 64
 #: Largest logarithm of a factor on tones, small so that motifs keep their character.
 _MAX_LOG_TONE = 0.25
-#: Depth at which factors on tones have faded out, in units of `reach_of`, the distance of the rows compared.
+#: Depth at which factors on tones have faded out, in units of `compared_distance`.
 _TONE_DEPTH = 4
-#: Half the width of the changed band in each round, in units of `reach_of`: narrow first, then wide.
+#: Half the width of the changed band in each round, in units of `compared_distance`: narrow first, then wide.
 _BAND_WIDTHS = (1.0, 1.0, *(3.0,) * 8)
 
 
@@ -103,8 +103,8 @@ def _evened_border(
     bump, before = _border_weight(density.shape, axis, repeat, width), density.astype(np.float64)
     (balanced,) = _balance([before], bump, axis, [partial(_print, edge=edge, repeat=repeat)], repeat)
     changed = np.sqrt(balanced * before)
-    with_mass: Floats32 = np.clip(changed * (mass / changed.mean()), THINNEST, 1.0).astype(np.float32)
-    return with_mass
+    restore_mass: Floats32 = np.clip(changed * (mass / changed.mean()), MIN_DENSITY, 1.0).astype(np.float32)
+    return restore_mass
 
 
 def _excess(density: Floats, axis: int, printed: Print, repeat: str) -> float:
@@ -113,7 +113,7 @@ def _excess(density: Floats, axis: int, printed: Print, repeat: str) -> float:
     side = field.shape[axis]
     mean = tile(field, repeat, period(repeat)).mean(axis=1 - axis, dtype=np.float64)
     border = np.arange(0, len(mean), side)
-    reach = reach_of(side)
+    reach = compared_distance(side)
     line = np.roll(mean, 1) + mean
     beside = np.roll(line, reach) + np.roll(line, -reach)
     return float((line / 2 - beside / 4)[border].mean())
@@ -129,7 +129,7 @@ def _print(density: Floats, edge: str, repeat: str, at: float | None = None) -> 
         field = to_tile(field, repeat, tile_size(len(field)))
     if edge == "soft":
         return field
-    inside = beyond(field, level(field, float(field.mean())) if at is None else at, repeat)
+    inside = coverage_beyond(field, level(field, float(field.mean())) if at is None else at, repeat)
     return inside if edge == "crisp" else inside * field
 
 
@@ -148,7 +148,7 @@ def _border_weight(shape: tuple[int, ...], axis: int, repeat: str, width: float 
         place = (np.arange(side)[:, np.newaxis] + 0.5) / side
         place = place if axis == 0 else place.T
     away = np.minimum(place, 1 - place) * side
-    bump = 0.5 + 0.5 * np.cos(np.pi * np.clip(away / (width * reach_of(side) + 0.5), 0, 1))
+    bump = 0.5 + 0.5 * np.cos(np.pi * np.clip(away / (width * compared_distance(side) + 0.5), 0, 1))
     spread = symmetry(repeat, (h, w)).mean(np.broadcast_to(bump, (h, w)).astype(np.float64))
     on_border = np.broadcast_to(away <= away.min(), (h, w))
     return spread / float(spread[on_border].mean())
@@ -229,7 +229,7 @@ class _Tones:
         This is done first for the rows that the border is compared with, then for the border itself.
         """
         side = row[0].shape[self._axis]
-        reach = reach_of(side)
+        reach = compared_distance(side)
         tones = np.stack([self.of(row[index], index) for index in given])
         wanted = float(np.concatenate([tones[:, : reach + 1], tones[:, -reach - 1 :]], axis=1).mean())
         result = row
@@ -276,7 +276,7 @@ def _scale_until_even(
     low, high = -largest, largest
     for _ in range(_BISECTIONS):
         power = (low + high) / 2
-        changed = [np.clip(one * np.exp(power * bump), THINNEST, 1.0) for one in row]
+        changed = [np.clip(one * np.exp(power * bump), MIN_DENSITY, 1.0) for one in row]
         low, high = (power, high) if excess(changed) < 0 else (low, power)
     return changed
 
@@ -285,7 +285,7 @@ def _beside_weight(shape: tuple[int, ...], axis: int, shared: int) -> Floats:
     """Return a weight that is 1 on the rows that a border is compared with, and 0 on shared rows."""
     side = shape[axis]
     away = np.minimum(np.arange(side), np.arange(side)[::-1]) + 0.5
-    reach = reach_of(side)
+    reach = compared_distance(side)
     line = np.cos(np.pi / 2 * np.clip((away - 0.5 - reach) / max(reach + 0.5 - shared, 1), -1, 1)) ** 2
     line[away < shared] = 0
     inside = np.zeros(shape)

@@ -25,13 +25,13 @@ from toposeam.errors import OptionError, Term
 from toposeam.heat.threads import one_thread
 from toposeam.motif.border_smoothing import smooth_borders
 from toposeam.motif.ink.palettes import PALETTES, Palette, palette
-from toposeam.motif.ink.stroke_repair import mended
+from toposeam.motif.ink.stroke_repair import repair_strokes
 from toposeam.motif.motif import Motif
 from toposeam.motif.optimise.conduction import nominal_conductivity
 from toposeam.motif.optimise.hexagonal_lattice import tile_size, to_tile
 from toposeam.motif.optimise.layer import Step, optimise_layer, plan
-from toposeam.motif.optimise.spots import Points, placed_around, spots
-from toposeam.motif.recipe.recipe import LARGEST, LAWS, SMALLEST, LayerRecipe, Recipe, pack_base, unpack_base
+from toposeam.motif.optimise.spots import Points, place_around, spots
+from toposeam.motif.recipe.recipe import LAWS, MAX_SIDE, MIN_SIDE, LayerRecipe, Recipe, pack_base, unpack_base
 from toposeam.motif.symmetry.rules import HEXAGONAL, check_repeat
 
 #: Share of random layers that are ink wash.
@@ -135,7 +135,9 @@ def generate_motif(
 
         with one_thread():
             density, steps = optimise_layer(layer, recipe, report)
-        densities.append(mended(density, recipe.repeat, layer.mass) if recipe.filter_radius else density)
+        densities.append(
+            repair_strokes(density, recipe.repeat, layer.mass) if recipe.filter_radius else density
+        )
         history.append(steps)
     return smooth_borders(densities, recipe, lambda layers: make_motif(recipe, layers, history))
 
@@ -245,7 +247,9 @@ def random_recipe(
     check_range(-1, 1, base_strength=base_strength)
     check_choice("base_law", base_law, LAWS)
     packed = "" if base is None else pack_base(base)
-    shown = _shown(packed, base_strength, base_law) if packed and repeat not in HEXAGONAL else None
+    shown = (
+        _base_conductivity(packed, base_strength, base_law) if packed and repeat not in HEXAGONAL else None
+    )
     recipes = []
     for index in range(layers):
         # Draw every parameter, used or not, so that giving one does not change the others.
@@ -255,7 +259,7 @@ def random_recipe(
         drawn_penalty = float(draw.uniform(1.0, 1.3)) if draw.random() < _WASH_SHARE else 3.0
         aspect = shape[1] / shape[0]
         given = spots(
-            _of_layer(sources, index, layers, "sources"),
+            _layer_points(sources, index, layers, "sources"),
             draw,
             many,
             (low, high),
@@ -265,11 +269,18 @@ def random_recipe(
             shown,
         )
         drains = spots(
-            _of_layer(sinks, index, layers, "sinks"), draw, few, (low, high), aspect, "sinks", repeat, shown
+            _layer_points(sinks, index, layers, "sinks"),
+            draw,
+            few,
+            (low, high),
+            aspect,
+            "sinks",
+            repeat,
+            shown,
         )
         if distance is not None:
             check_range(0, 1, above=True, distance=distance)  # of the cell's shorter side
-            drains = placed_around(given, drains, distance, draw, shape)
+            drains = place_around(given, drains, distance, draw, shape)
         exponent = _number(penalty, index, layers, drawn_penalty, "penalty")
         recipes.append(
             LayerRecipe(
@@ -300,7 +311,7 @@ def random_recipe(
 
 def _shape(size: Any) -> tuple[int, int]:
     sides = (size, size) if isinstance(size, int | np.integer) else size
-    return check_pair("size", None if isinstance(sides, str) else sides, SMALLEST, LARGEST)
+    return check_pair("size", None if isinstance(sides, str) else sides, MIN_SIDE, MAX_SIDE)
 
 
 def _inks(choice: str | Palette | npt.ArrayLike | None, layers: int, rng: np.random.Generator) -> Palette:
@@ -320,7 +331,7 @@ def _inks(choice: str | Palette | npt.ArrayLike | None, layers: int, rng: np.ran
     return palette(drawn if choice is None else choice, layers)
 
 
-def _of_layer(value: Any, index: int, layers: int, name: str) -> Points | None:
+def _layer_points(value: Any, index: int, layers: int, name: str) -> Points | None:
     """Return the value for one layer, of a value that is given once or per layer."""
     if value is None or isinstance(value, int | np.integer):
         return None if value is None else int(value)
@@ -381,7 +392,7 @@ def _edge(value: str | Sequence[str] | None, index: int, layers: int, penalty: f
     return str(values[index])
 
 
-def _shown(packed: str, strength: float, law: str) -> npt.NDArray[np.float64]:
+def _base_conductivity(packed: str, strength: float, law: str) -> npt.NDArray[np.float64]:
     """Compute the nominal conductivities of a packed base image on its own grid."""
     brightness = unpack_base(packed)
     return nominal_conductivity(brightness, strength, (brightness.shape[0], brightness.shape[1]), law)

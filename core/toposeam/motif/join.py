@@ -30,12 +30,18 @@ from toposeam.errors import OptionError, Term
 from toposeam.motif.arrangement import arrange
 from toposeam.motif.border_smoothing import smooth_row_borders
 from toposeam.motif.generate import make_motif
-from toposeam.motif.ink.stroke_repair import mended
+from toposeam.motif.ink.stroke_repair import repair_strokes
 from toposeam.motif.motif import Motif
 from toposeam.motif.optimise.compound import JoinOptions, Member, generate_row
 from toposeam.motif.optimise.layer import plan
 from toposeam.motif.recipe.recipe import LayerRecipe, Point, Recipe
-from toposeam.motif.symmetry.borders import BESIDE_STROKES, FADE, border_visibility, faded, with_mass
+from toposeam.motif.symmetry.borders import (
+    BESIDE_STROKES,
+    FADE,
+    border_visibility,
+    fade_to_mean,
+    restore_mass,
+)
 
 #: Rules under which a motif joins itself on all four sides by translation.
 _JOINABLE = ("translate", "p1")
@@ -194,7 +200,7 @@ def join_motifs(
     recipes = check_items("recipes", recipes, Recipe, "a sequence of Recipes")
     if shared is None:
         shared = max(1, round(_SHARED_BORDER * min(recipes[0].size))) if recipes else 1
-    _check(recipes, weight, stages, between, shared)
+    _check_recipes(recipes, weight, stages, between, shared)
     first = recipes[0]
     per_stage = sum(count for _, count in plan(first)) * len(first.layers)
     done = 0
@@ -217,7 +223,7 @@ def join_motifs(
             longer.append(right)
         row = longer
         generate_row(row, options)
-    layers = [_without_lines(row, layer, shared, weight) for layer in range(len(first.layers))]
+    layers = [_finish_layer(row, layer, shared, weight) for layer in range(len(first.layers))]
     motifs = [
         make_motif(member.recipe, [layer[index] for layer in layers], member.history)
         for index, member in enumerate(row)
@@ -225,9 +231,7 @@ def join_motifs(
     return JoinedMotifs(motifs=tuple(motifs), stages=tuple(member.stage for member in row), weight=weight)
 
 
-def _without_lines(
-    row: list[Member], layer: int, shared: int, weight: float
-) -> list[npt.NDArray[np.float32]]:
+def _finish_layer(row: list[Member], layer: int, shared: int, weight: float) -> list[npt.NDArray[np.float32]]:
     """Return one layer of all members, with repaired strokes and with borders that do not show.
 
     Borders are left unchanged if members were optimised alone and share none.
@@ -238,7 +242,7 @@ def _without_lines(
         density, recipe, alone = member.densities[layer], member.recipe, weight == 0 and shared == 0
         if recipe.filter_radius:
             kept = 0 if alone else max(shared, 1)
-            density = mended(density, recipe.repeat, recipe.layers[layer].mass, kept)
+            density = repair_strokes(density, recipe.repeat, recipe.layers[layer].mass, kept)
         found.append(density.astype(np.float64))
     if weight == 0 and shared == 0:
         return [one.astype(np.float32) for one in found]
@@ -246,12 +250,12 @@ def _without_lines(
     masses = [member.recipe.layers[layer].mass for member in row]
     edges = [member.recipe.layers[layer].edge for member in row]
     if shared and "soft" in edges:
-        soft = faded(np.stack(found), shared, FADE if set(edges) == {"soft"} else BESIDE_STROKES)
+        soft = fade_to_mean(np.stack(found), shared, FADE if set(edges) == {"soft"} else BESIDE_STROKES)
         found = [soft[index] if edge == "soft" else found[index] for index, edge in enumerate(edges)]
     given = [index for index, member in enumerate(row) if member.stage == 1]
     for _ in range(2):  # correcting the mass changes the level at which strokes end a little
         found = smooth_row_borders(found, edges, first.repeat, shared, given)
-        found = [with_mass(one, mass) for one, mass in zip(found, masses, strict=True)]
+        found = [restore_mass(one, mass) for one, mass in zip(found, masses, strict=True)]
     return [one.astype(np.float32) for one in found]
 
 
@@ -262,8 +266,8 @@ def _blend(a: Recipe, b: Recipe, share: float) -> Recipe:
         layers.append(
             LayerRecipe(
                 ink=one.ink,
-                sources=_weighted(one.sources, 1 - share) + _weighted(two.sources, share),
-                sinks=_weighted(one.sinks, 1 - share) + _weighted(two.sinks, share),
+                sources=_scaled_points(one.sources, 1 - share) + _scaled_points(two.sources, share),
+                sinks=_scaled_points(one.sinks, 1 - share) + _scaled_points(two.sinks, share),
                 ambient=(1 - share) * one.ambient + share * two.ambient,
                 mass=(1 - share) * one.mass + share * two.mass,
                 penalty=(1 - share) * one.penalty + share * two.penalty,
@@ -274,12 +278,12 @@ def _blend(a: Recipe, b: Recipe, share: float) -> Recipe:
     return replace(a, layers=tuple(layers))
 
 
-def _weighted(points: tuple[Point, ...], share: float) -> tuple[Point, ...]:
+def _scaled_points(points: tuple[Point, ...], share: float) -> tuple[Point, ...]:
     total = sum(strength for *_, strength in points)
     return tuple((x, y, share * strength / total) for x, y, strength in points if total > 0)
 
 
-def _check(recipes: Sequence[Recipe], weight: float, stages: int, between: int, shared: int) -> None:
+def _check_recipes(recipes: Sequence[Recipe], weight: float, stages: int, between: int, shared: int) -> None:
     if len(recipes) < 2:
         raise OptionError(
             "{count} recipes were given; join at least two motifs", kind="count", count=len(recipes)

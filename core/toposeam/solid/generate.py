@@ -27,7 +27,7 @@ from toposeam.errors import OptionError, Term
 from toposeam.heat.block import Block
 from toposeam.heat.threads import one_thread
 from toposeam.motif.optimise.conduction import VOID, power
-from toposeam.motif.optimise.layer import THINNEST, TOLERANCE
+from toposeam.motif.optimise.layer import MIN_DENSITY, TOLERANCE
 from toposeam.motif.recipe.recipe import LayerRecipe, Point, Recipe
 from toposeam.motif.symmetry.rules import GENERATORS, Symmetry, symmetry
 from toposeam.optimize.oc import OCOptions, oc_step
@@ -206,7 +206,7 @@ def _optimise(recipe: Recipe, shape: tuple[int, int, int], progress: Callable[[f
             density = np.full(size, layer.mass)
         else:
             density = _symmetric_slices(orbits, _refine(density))
-            density = np.clip(density * (layer.mass / density.mean()), THINNEST, 1.0)
+            density = np.clip(density * (layer.mass / density.mean()), MIN_DENSITY, 1.0)
             warm = None if warm is None else _refine(warm)
         for _ in range(count):
             k = VOID + (1 - VOID) * power(density, layer.penalty)
@@ -298,7 +298,7 @@ def _filter_sensitivities(density: Floats, slope: Floats, joined: bool) -> Float
 def _update(density: Floats, slope: Floats, mass: float, limit: float, orbits: Symmetry) -> Floats:
     """Compute the next design by a step of the optimality criteria."""
     found = oc_step(
-        density.ravel(), slope.ravel(), 1.0, mass * density.size, THINNEST, 1.0, OCOptions(move=limit)
+        density.ravel(), slope.ravel(), 1.0, mass * density.size, MIN_DENSITY, 1.0, OCOptions(move=limit)
     )
     return _symmetric_slices(orbits, found.reshape(density.shape))
 

@@ -5,7 +5,7 @@ import pytest
 
 import toposeam as ts
 from toposeam.motif.border_smoothing import smooth_row_borders
-from toposeam.motif.symmetry import faded, with_mass
+from toposeam.motif.symmetry import fade_to_mean, restore_mass
 
 
 def noise(seed=0, side=96):
@@ -34,7 +34,7 @@ def test_plain_noise_exceeds_the_95th_percentile_at_its_rate():
 
 def test_fading_ends_in_the_mean_of_all_and_leaves_the_inside():
     fields = np.stack([noise(1), noise(2)])
-    soft = faded(fields, 2)
+    soft = fade_to_mean(fields, 2)
     mean = fields.mean(axis=0)
     for rows in (np.s_[:2], np.s_[-2:]):
         np.testing.assert_array_equal(soft[:, rows], np.stack([mean[rows]] * 2))
@@ -43,7 +43,7 @@ def test_fading_ends_in_the_mean_of_all_and_leaves_the_inside():
 
 def test_mass_is_met_from_the_inside():
     field = noise(3)
-    found = with_mass(field, 0.4)
+    found = restore_mass(field, 0.4)
     assert found.mean() == pytest.approx(0.4, abs=1e-6)
     np.testing.assert_array_equal(found[:5], field[:5])
 

@@ -164,7 +164,7 @@ def check_kind(name: Name, value: Any, kind: type | tuple[type, ...], wanted: st
     toposeam.errors.OptionError: motif is 'x'; pass a Motif
     """
     if not isinstance(value, kind):
-        raise unsuitable(name, value, wanted)
+        raise kind_error(name, value, wanted)
 
 
 def check_function(name: Name, value: Any) -> None:
@@ -179,7 +179,7 @@ def check_function(name: Name, value: Any) -> None:
     >>> check_function("progress", print)
     """
     if value is not None and not callable(value):
-        raise unsuitable(name, value, "a function, or None")
+        raise kind_error(name, value, "a function, or None")
 
 
 def check_items(name: Name, values: Any, kind: type | tuple[type, ...], wanted: str) -> tuple[Any, ...]:
@@ -191,11 +191,11 @@ def check_items(name: Name, values: Any, kind: type | tuple[type, ...], wanted: 
         For an item of another class, and when `values` is no sequence.
     """
     if isinstance(values, str | bytes) or (kind is not object and isinstance(values, kind)):
-        raise unsuitable(name, values, wanted)
+        raise kind_error(name, values, wanted)
     try:
         items = tuple(values)
     except TypeError as error:
-        raise unsuitable(name, values, wanted) from error
+        raise kind_error(name, values, wanted) from error
     for item in items:
         if not isinstance(item, kind):
             raise OptionError(
@@ -208,7 +208,7 @@ def check_items(name: Name, values: Any, kind: type | tuple[type, ...], wanted: 
     return items
 
 
-def unsuitable(name: Name, value: Any, wanted: str) -> OptionError:
+def kind_error(name: Name, value: Any, wanted: str) -> OptionError:
     """Return the error for a value of the wrong kind; `wanted` describes an allowed one."""
     return OptionError(
         "{parameter} is {value!r}; pass {allowed}",
@@ -247,7 +247,7 @@ def check_numbers(name: Name, values: Any) -> npt.NDArray[np.float64]:
             return array.astype(np.float64)
     except (TypeError, ValueError, OverflowError):
         pass
-    raise unsuitable(name, values, "numbers")
+    raise kind_error(name, values, "numbers")
 
 
 def check_whole_array(name: Name, values: Any) -> npt.NDArray[np.integer[Any]]:
@@ -264,7 +264,7 @@ def check_whole_array(name: Name, values: Any) -> npt.NDArray[np.integer[Any]]:
             return array
     except (TypeError, ValueError, OverflowError):
         pass
-    raise unsuitable(name, values, "whole numbers")
+    raise kind_error(name, values, "whole numbers")
 
 
 def check_pair(name: Name, value: Any, low: int, high: int | None = None) -> tuple[int, int]:
@@ -277,7 +277,7 @@ def check_pair(name: Name, value: Any, low: int, high: int | None = None) -> tup
     try:
         first, second = value
     except (TypeError, ValueError) as error:
-        raise unsuitable(name, value, "two whole numbers") from error
+        raise kind_error(name, value, "two whole numbers") from error
     return check_whole(name, first, low, high), check_whole(name, second, low, high)
 
 
@@ -303,7 +303,7 @@ def seed_of(seed: Seed) -> int:
     try:
         return check_whole("seed", seed, 0)
     except OptionError as error:
-        raise unsuitable(
+        raise kind_error(
             "seed", seed, "a whole number from 0 on, a numpy.random.Generator, or None"
         ) from error
 

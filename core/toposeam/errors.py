@@ -96,7 +96,7 @@ class TopoSeamError(Exception):
     ... )
     >>> str(error)
     'band is 1; it must be a number between 4 and 10'
-    >>> error.said(lambda term: f"--{term.name}")
+    >>> error.sentence(lambda term: f"--{term.name}")
     '--band is 1; it must be a number between 4 and 10'
     >>> error.parameter, error.value, error.allowed.high
     ('band', 1, 10)
@@ -128,7 +128,7 @@ class TopoSeamError(Exception):
         """Numbers of the layers or pictures that caused the error, counted from 0."""
         return tuple(self.data.get("layers", ()))
 
-    def said(self, words: Words | None = None) -> str:
+    def sentence(self, words: Words | None = None) -> str:
         """Return the text of the error, with a front end's words for its terms."""
         message = str(self.args[0]) if self.args else ""
         return _Sentence(words).vformat(message, (), self.data) if self.kind or self.data else message
@@ -164,7 +164,7 @@ class TopoSeamError(Exception):
         return type(self)(str(self.args[0]), kind=self.kind, **data)
 
     def __str__(self) -> str:
-        return self.said()
+        return self.sentence()
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({str(self)!r})"
@@ -213,10 +213,10 @@ class _Sentence(Formatter):
             return own or str(value)
         if isinstance(value, tuple):
             return tuple(map(self._named, value))
-        return value.said(self._words) if isinstance(value, TopoSeamError) else value
+        return value.sentence(self._words) if isinstance(value, TopoSeamError) else value
 
     def convert_field(self, value: Any, conversion: Any) -> Any:
-        return shown(value) if conversion == "r" else super().convert_field(value, conversion)
+        return short_repr(value) if conversion == "r" else super().convert_field(value, conversion)
 
     def format_field(self, value: Any, format_spec: str) -> str:
         if isinstance(value, tuple):
@@ -224,7 +224,7 @@ class _Sentence(Formatter):
         return str(format(value, format_spec)) if format_spec else str(value)
 
 
-class _Shown(str):
+class _ReprText(str):
     """Text in place of a value that cannot be sent to another process; its repr is the text itself."""
 
     __slots__ = ()
@@ -233,7 +233,7 @@ class _Shown(str):
         return str(self)
 
 
-def shown(value: Any) -> str:
+def short_repr(value: Any) -> str:
     """Return the repr of a value for error texts: on one line, at most 60 characters."""
     text = " ".join(repr(value).split())
     return text if len(text) <= 60 else f"{text[:57]}…"
@@ -247,4 +247,4 @@ def _portable(value: Any) -> Any:
         return Term(value.name, value.text, value.index, _portable(value.value))
     if isinstance(value, tuple):
         return tuple(_portable(item) for item in value)
-    return _Shown(shown(value))
+    return _ReprText(short_repr(value))

@@ -16,15 +16,15 @@ from toposeam.errors import ImageError
 #: Largest canvas, px, that is made unless the caller raises the limit: a gigapixel.
 MAX_PIXELS = 10**9
 #: Largest absolute value of a float image, in units of white: squares of larger ones overflow in float32.
-LARGEST = 1e12
+MAX_FLOAT = 1e12
 #: Largest image array, px: larger ones are refused before their values are read.
-MOST_PIXELS = 2**32
+MAX_ARRAY_PIXELS = 2**32
 #: `data_range`, the value that counts as white, lies between 1 ÷ this and this.
-_WHITEST = 1e30
+_MAX_WHITE = 1e30
 #: Float images within ± this are taken as shares of white: highlights and filters go a little beyond 1.
-_NOMINAL = 2.0
+_MAX_UNSCALED_FLOAT = 2.0
 #: An array with at most four rows and more channels than this is taken as (C, H, W) and refused.
-_MOST_CHANNELS = 16
+_MAX_CHANNELS = 16
 
 
 class Windows(ABC):
@@ -131,7 +131,7 @@ def as_array(image: Any, name: Name = "image", *, endless: bool = False) -> Imag
             array=term_of(name),
         )
     height, width = array.shape[:2]
-    if height * width > MOST_PIXELS and not endless:
+    if height * width > MAX_ARRAY_PIXELS and not endless:
         raise ImageError(
             "{array} has {width} × {height} px, more than are taken at once; pass a part of it",
             kind="too large",
@@ -139,7 +139,7 @@ def as_array(image: Any, name: Name = "image", *, endless: bool = False) -> Imag
             height=height,
             array=term_of(name),
         )
-    if array.ndim == 3 and array.shape[0] <= 4 and array.shape[2] > _MOST_CHANNELS:
+    if array.ndim == 3 and array.shape[0] <= 4 and array.shape[2] > _MAX_CHANNELS:
         raise ImageError(
             "{array} has shape {shape!s}, which looks like (C, H, W); pass (H, W, C), as "
             "{array}.transpose(1, 2, 0) has it",
@@ -254,7 +254,7 @@ def check_values(array: Image, name: Name = "image", data_range: float | None = 
 data_range= which value is white
     """
     if data_range is not None:
-        check_number("data_range", data_range, _least_white(array), _WHITEST)
+        check_number("data_range", data_range, _least_white(array), _MAX_WHITE)
     if array.dtype == bool:
         return
     if np.issubdtype(array.dtype, np.integer):
@@ -276,14 +276,14 @@ data_range= which value is white
             kind="not finite",
             array=term_of(name),
         )
-    if largest > LARGEST or max(-low, high) > _WHITEST:
+    if largest > MAX_FLOAT or max(-low, high) > _MAX_WHITE:
         raise ImageError(
             "{array} has values beyond ±{limit:g}; scale its range to [0, 1]",
             kind="white",
-            limit=LARGEST if largest > LARGEST else _WHITEST,
+            limit=MAX_FLOAT if largest > MAX_FLOAT else _MAX_WHITE,
             array=term_of(name),
         )
-    if data_range is None and largest > _NOMINAL:
+    if data_range is None and largest > _MAX_UNSCALED_FLOAT:
         raise ImageError(
             "{array} is of floats up to {largest:g}, where 1 counts as white; say with "
             "data_range= which value does (255? 1, for a wide range?)",
@@ -296,10 +296,10 @@ data_range= which value is white
 def _least_white(array: Image) -> float:
     """Return the least `data_range` that an array allows: divided by less, its integers become too large."""
     if not np.issubdtype(array.dtype, np.integer):
-        return 1 / _WHITEST
+        return 1 / _MAX_WHITE
     if array.dtype.itemsize <= 2:
-        return float(np.iinfo(array.dtype).max) / LARGEST
-    return max(abs(float(array.min())), abs(float(array.max())), 1 / _WHITEST) / LARGEST
+        return float(np.iinfo(array.dtype).max) / MAX_FLOAT
+    return max(abs(float(array.min())), abs(float(array.max())), 1 / _MAX_WHITE) / MAX_FLOAT
 
 
 def full_scale(dtype: np.dtype[Any]) -> Any:

@@ -1,4 +1,7 @@
-"""Results as picture files: 8 bits by Pillow, other depths by tifffile, which scikit-image brings along."""
+"""Results as picture files: 8 bits by Pillow, other depths by tifffile, on which scikit-image depends.
+
+The modules that draw and write are loaded when a picture is saved.
+"""
 
 from __future__ import annotations
 
@@ -8,9 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from toposeam.display import to_pil, to_rgba8
 from toposeam.errors import OptionError, Term
-from toposeam.saving import path_of, save
 
 #: Suffix of a file: Pillow's name of the format.
 _FORMATS = {
@@ -46,10 +47,15 @@ class PictureResult:
         OSError
             When the file cannot be written; an existing file is unchanged.
         """
+        from toposeam.saving import path_of, save
+
         save(path, _encoded(self, path_of(path)))
 
 
 def _encoded(result: Any, path: Path) -> bytes:
+    """Encode a result as the format of a file's suffix."""
+    from toposeam.display import to_pil, to_rgba8
+
     kind = _FORMATS.get(path.suffix.lower())
     if kind is None:
         raise OptionError(

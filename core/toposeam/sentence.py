@@ -10,10 +10,10 @@ from toposeam.errors import TopoSeamError
 
 def sentence(error: BaseException) -> str:
     """Return the text of an error for the user, on one line."""
-    return printable(str(as_told(error)))
+    return printable(str(as_toposeam_error(error)))
 
 
-def as_told(error: BaseException) -> TopoSeamError:
+def as_toposeam_error(error: BaseException) -> TopoSeamError:
     """Return an error as a TopoSeamError with a text for the user.
 
     Errors of this package are returned unchanged, and errors of click keep their text. Others become an error

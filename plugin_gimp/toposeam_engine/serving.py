@@ -37,7 +37,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from toposeam.errors import Interval, Term, TopoSeamError
-from toposeam.sentence import as_told, printable
+from toposeam.sentence import as_toposeam_error, printable
 from toposeam_engine.job import EngineJob
 
 #: Raised when requests or results change their meaning.
@@ -190,7 +190,7 @@ def _answer(asker: Asker, channel: Channel, folder: Path, nonce: bytes | None) -
 
 def told(error: BaseException) -> dict[str, Any]:
     """Describe an error for the asker: the sentence; and kind, parameter and data for one of its own."""
-    ours = as_told(error)
+    ours = as_toposeam_error(error)
     data: dict[str, Any] = {}
     for name, value in ours.data.items():
         if isinstance(value, Interval):
@@ -202,7 +202,7 @@ def told(error: BaseException) -> dict[str, Any]:
             data[name] = printable(", ".join(map(str, value)))
         elif not isinstance(value, Term | TopoSeamError):
             data[name] = printable(str(value))
-    message = ours.said(lambda term: "layers" if term.name == "patches" else None)
+    message = ours.sentence(lambda term: "layers" if term.name == "patches" else None)
     return {"message": printable(message), "kind": ours.kind, "parameter": ours.parameter, "data": data}
 
 

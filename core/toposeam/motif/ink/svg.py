@@ -17,7 +17,7 @@ import numpy.typing as npt
 from scipy import ndimage
 
 from toposeam.arrays import Floats
-from toposeam.checks import check_kind, check_range, check_whole, options_from, unsuitable
+from toposeam.checks import check_kind, check_range, check_whole, kind_error, options_from
 from toposeam.colours import to_hex
 from toposeam.errors import OptionError, Term
 from toposeam.motif.ink.stroke_edges import SMOOTHING, fineness
@@ -155,7 +155,7 @@ def draw_svg(
         try:
             json.dumps(dict(note))
         except (TypeError, ValueError, RecursionError) as error:
-            raise unsuitable("note", note, "a mapping of what JSON can hold") from error
+            raise kind_error("note", note, "a mapping of what JSON can hold") from error
     height, width = motif.densities.shape[1:]
     # The cell that repeats by translation holds several motifs if neighbours are mirrored, turned or shifted.
     single = (rows, columns) == (1, 1)

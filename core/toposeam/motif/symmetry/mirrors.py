@@ -143,7 +143,7 @@ def mirror_places(repeat: str) -> tuple[set[float], set[float]]:
 
     Examples
     --------
-    >>> [sorted(places) for places in places_of("pm")]
+    >>> [sorted(places) for places in mirror_places("pm")]
     [[], [0.0, 0.5]]
     """
     if repeat == "reflect":

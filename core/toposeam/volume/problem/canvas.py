@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from toposeam.checks import check_whole, unsuitable
+from toposeam.checks import check_whole, kind_error
 from toposeam.errors import OverlapError, Term
 
 #: Largest offset between two stacks along an axis, in voxels.
@@ -77,9 +77,9 @@ def place_stacks(size_a: Sequence[int], size_b: Sequence[int], offset: Any) -> P
     try:
         steps = [check_whole("offset", step, -_MAX_OFFSET, _MAX_OFFSET) for step in offset]
     except TypeError as error:
-        raise unsuitable("offset", offset, "three whole numbers: z, y, x") from error
+        raise kind_error("offset", offset, "three whole numbers: z, y, x") from error
     if len(steps) != 3:
-        raise unsuitable("offset", offset, "three whole numbers: z, y, x")
+        raise kind_error("offset", offset, "three whole numbers: z, y, x")
     a = tuple(max(0, -step) for step in steps)
     b = tuple(max(0, step) for step in steps)
     places = Places(tuple(size_a), tuple(size_b), a, b)

@@ -68,7 +68,7 @@ class SurfaceProblem:
         return total
 
     def on_canvas(self, labels: npt.NDArray[Any], only_b: Mask) -> npt.NDArray[Any]:
-        """Put values of the window on the canvas: `labels` in the overlap, elsewhere 1 on voxels of ``b``."""
+        """Put window values on the canvas: `labels` in the overlap, elsewhere 1 where only ``b`` is."""
         result = only_b.astype(labels.dtype)
         on_canvas, on_window = self.overlap.inside
         shared = self.overlap.shared[on_window]

@@ -103,8 +103,8 @@ def _evened_border(
     bump, before = _border_weight(density.shape, axis, repeat, width), density.astype(np.float64)
     (balanced,) = _balance([before], bump, axis, [partial(_print, edge=edge, repeat=repeat)], repeat)
     changed = np.sqrt(balanced * before)
-    restore_mass: Floats32 = np.clip(changed * (mass / changed.mean()), MIN_DENSITY, 1.0).astype(np.float32)
-    return restore_mass
+    scaled: Floats32 = np.clip(changed * (mass / changed.mean()), MIN_DENSITY, 1.0).astype(np.float32)
+    return scaled
 
 
 def _excess(density: Floats, axis: int, printed: Print, repeat: str) -> float:

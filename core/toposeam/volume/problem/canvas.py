@@ -70,7 +70,7 @@ def place_stacks(size_a: Sequence[int], size_b: Sequence[int], offset: Any) -> P
 
     Examples
     --------
-    >>> places = placed((4, 5, 6), (4, 5, 6), (0, -1, 4))
+    >>> places = place_stacks((4, 5, 6), (4, 5, 6), (0, -1, 4))
     >>> places.canvas, places.overlap
     ((4, 6, 10), (slice(0, 4, None), slice(1, 5, None), slice(4, 6, None)))
     """

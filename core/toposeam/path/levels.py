@@ -77,7 +77,7 @@ def plan_coarse_to_fine(
         here, there = ([(y // scale, x // scale) for y, x in points] for points in (sources, sinks))
         if set(here) & set(there):
             continue  # a source and a sink share a cell of this ground
-        level = reduced(cost, scale, shortest)
+        level = reduce_ground(cost, scale, shortest)
         strip = bool(lines) or level.size > WHOLE_PX
         if strip:
             wide = 2 * min(-(-before // scale), 4) + 1
@@ -114,7 +114,7 @@ def _scales(pixels: int) -> list[int]:
     return scales
 
 
-def reduced(cost: Floats, scale: int, ways: list[Ints]) -> Floats:
+def reduce_ground(cost: Floats, scale: int, ways: list[Ints]) -> Floats:
     """Reduce a ground to cells of `scale` px, with the geometric mean of their costs.
 
     A cell with an obstacle is an obstacle, unless one of the (row, column) `ways` leads through it.

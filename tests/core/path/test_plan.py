@@ -165,9 +165,9 @@ def test_a_large_terrain_costs_no_more_than_led_over_as_a_whole(monkeypatch):
 
 def test_reduced_ground_is_a_geometric_mean_and_keeps_obstacles():
     cost = np.array([[1.0, 4.0, 2.0], [16.0, 1.0, np.inf], [3.0, 3.0, 5.0]])
-    np.testing.assert_allclose(levels.reduced(cost, 2, []), [[8**0.5, np.inf], [3.0, 5.0]])
+    np.testing.assert_allclose(levels.reduce_ground(cost, 2, []), [[8**0.5, np.inf], [3.0, 5.0]])
     # Where a way leads the obstacle is left out.
-    assert levels.reduced(cost, 2, [np.array([[0, 2]])])[0, 1] == pytest.approx(2.0)
+    assert levels.reduce_ground(cost, 2, [np.array([[0, 2]])])[0, 1] == pytest.approx(2.0)
 
 
 def test_a_finer_ground_is_open_beside_the_ways_only():

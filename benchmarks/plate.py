@@ -37,7 +37,7 @@ import toposeam as ts  # noqa: E402
 from stamp import stamp  # noqa: E402
 from toposeam.heat.plate import CONDUCTION, Plate  # noqa: E402
 from toposeam.motif.optimise.conduction import VOID  # noqa: E402
-from toposeam.motif.optimise.layer import ENERGY, THINNEST, TOLERANCE, optimise_layer, problem_at  # noqa: E402
+from toposeam.motif.optimise.layer import ENERGY, MIN_DENSITY, TOLERANCE, optimise_layer, problem_at  # noqa: E402
 from toposeam.optimize.oc import OCOptions, oc_step  # noqa: E402
 from written import write_table  # noqa: E402
 
@@ -65,7 +65,7 @@ def ours(n: int, energy: float = ENERGY) -> Step:
         for axis in (0, 1):
             slope = correlate1d(slope, weights / weights.sum(), axis=axis, mode="reflect")
         slope /= x
-        new = oc_step(x.ravel(), slope.ravel(), 1.0, MASS * n * n, THINNEST, 1.0, OCOptions(move=MOVE))
+        new = oc_step(x.ravel(), slope.ravel(), 1.0, MASS * n * n, MIN_DENSITY, 1.0, OCOptions(move=MOVE))
         state["x"], state["nodes"] = new.reshape(n, n), solution.nodes
         return solution.compliance
 
@@ -109,7 +109,7 @@ def plain_sparse(n: int) -> Step:
         while (high - low) / (high + low) > 1e-3:
             middle = (low + high) / 2
             new = np.clip(
-                x * np.sqrt(-slope / middle), np.maximum(THINNEST, x - MOVE), np.minimum(1.0, x + MOVE)
+                x * np.sqrt(-slope / middle), np.maximum(MIN_DENSITY, x - MOVE), np.minimum(1.0, x + MOVE)
             )
             low, high = (middle, high) if new.mean() > MASS else (low, middle)
         state["x"] = new
@@ -138,7 +138,9 @@ def pymoto(n: int, solver: str) -> Step:
         matrix = pym.AssemblePoisson(domain, bc=cold)(k)
         theta = pym.LinSolve(symmetric=True, positive_definite=True, solver=kinds[solver]())(matrix, load)
         compliance = pym.EinSum("i,i->")(theta, load)
-    optimiser = pym.OC([x], compliance, network, move=MOVE, xmin=THINNEST, xmax=1.0, verbosity=0, maxvol=MASS)
+    optimiser = pym.OC(
+        [x], compliance, network, move=MOVE, xmin=MIN_DENSITY, xmax=1.0, verbosity=0, maxvol=MASS
+    )
 
     def step() -> float:
         network.response()

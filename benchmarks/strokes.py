@@ -17,7 +17,7 @@ from scipy import ndimage
 
 import toposeam as ts
 from stamp import stamp
-from toposeam.motif.symmetry.mirrors import places_of
+from toposeam.motif.symmetry.mirrors import mirror_places
 from toposeam.motif.symmetry.tiling import tile
 from written import write_table
 
@@ -65,7 +65,7 @@ def main() -> None:
                 counts[1] += specks(covered > 0.5, SPECK * fine**2, 2)
             wash = ts.generate_motif(asked.size, penalty=1.1, edge="soft", **given)
             counts[2] += fine_lines(tile(wash.coverage(), rule, (2, 2))[0])
-        kind = "rules with mirrors" if any(places_of(rule)) else "rules without"
+        kind = "rules with mirrors" if any(mirror_places(rule)) else "rules without"
         totals[kind] += counts
         print(f"{rule:<12}{counts[0]:>8} pinholes{counts[1]:>8} crumbs{counts[2]:>8} fine lines", flush=True)
     table = [(kind, *map(str, counts)) for kind, counts in totals.items()]

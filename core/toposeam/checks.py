@@ -1,4 +1,4 @@
-"""What every public function does with what it is given: numbers, choices, seeds, options."""
+"""Checks of arguments: numbers, choices, classes, arrays, seeds, options."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ import numpy.typing as npt
 
 from toposeam.errors import Interval, OptionError, Term
 
-#: A whole number, a generator to draw one from, or None for a new one each time.
+#: A whole number, a generator from which one is drawn, or None for a new one at every call.
 Seed = int | np.random.Generator | None
 
 OptionsT = TypeVar("OptionsT")
-#: What the caller calls a value: its parameter's name.
+#: Name of the checked parameter, as error texts show it.
 Name = str | Term
 
 
@@ -30,18 +30,19 @@ def check_number(
     above: bool = False,
     infinite: bool = False,
 ) -> float:
-    """A number in [low, high], or in (low, high] where it must be `above`.
+    """Return a value as float if it is a number in [low, high], or in (low, high] with `above`.
 
     Parameters
     ----------
     name : str or Term
-        What the caller calls it.
+        Name of the parameter.
     value : object
-        Anything; int, float and NumPy's scalars are numbers, bool and text are not.
+        int, float and NumPy's scalars are numbers; bool and text are not.
     low, high : float
     above : bool
+        Exclude `low` itself.
     infinite : bool
-        Whether ``inf`` is let pass; NaN never is.
+        Accept ``inf``. NaN is always refused.
 
     Returns
     -------
@@ -50,7 +51,7 @@ def check_number(
     Raises
     ------
     OptionError
-        Names the value and what it must be.
+        States the value and the allowed interval.
 
     Examples
     --------
@@ -62,7 +63,7 @@ def check_number(
     toposeam.errors.OptionError: weight is 'x'; it must be a number between 0 and 1
     """
     number = math.nan
-    # A float and an int are known at once; whether others have the method takes thirty times as long.
+    # Test for float and int first: the test for the protocol takes thirty times as long.
     if isinstance(value, (float, int, SupportsFloat)) and not isinstance(value, (bool, np.bool_, np.ndarray)):
         try:
             number = float(value)
@@ -81,12 +82,12 @@ def check_number(
 
 
 def check_whole(name: Name, value: Any, low: int, high: int | None = None) -> int:
-    """A whole number in [low, high].
+    """Return a value as int if it is a whole number in [low, high].
 
     Raises
     ------
     OptionError
-        Also for 2.5, True and "2".
+        For anything else; 2.5, 2.0, True and "2" are no whole numbers.
 
     Examples
     --------
@@ -111,7 +112,7 @@ def check_whole(name: Name, value: Any, low: int, high: int | None = None) -> in
 
 
 def check_range(low: float, high: float = math.inf, *, above: bool = False, **options: Any) -> None:
-    """Refuse options that are no finite number in [low, high], or in (low, high] where they must be `above`.
+    """Refuse options that are no finite number in [low, high], or in (low, high] with `above`.
 
     Raises
     ------
@@ -123,7 +124,7 @@ def check_range(low: float, high: float = math.inf, *, above: bool = False, **op
 
 
 def check_choice(name: Name, value: Any, choices: Collection[Any]) -> None:
-    """Refuse what is not one of some choices.
+    """Refuse a value that is not among the choices.
 
     Raises
     ------
@@ -145,11 +146,11 @@ def check_kind(name: Name, value: Any, kind: type | tuple[type, ...], wanted: st
     Parameters
     ----------
     name : str or Term
-        What the caller calls it.
+        Name of the parameter.
     value : object
     kind : type or tuple of types
     wanted : str
-        What to pass instead: "a Motif", "a sequence of Layers".
+        Description of an allowed value for the error text: "a Motif", "a sequence of Layers".
 
     Raises
     ------
@@ -163,11 +164,11 @@ def check_kind(name: Name, value: Any, kind: type | tuple[type, ...], wanted: st
     toposeam.errors.OptionError: motif is 'x'; pass a Motif
     """
     if not isinstance(value, kind):
-        raise unsuitable(name, value, wanted)
+        raise kind_error(name, value, wanted)
 
 
 def check_function(name: Name, value: Any) -> None:
-    """Refuse what cannot be called, and is not None, before there is work that would call it.
+    """Refuse a callback that is neither callable nor None, before any work is done.
 
     Raises
     ------
@@ -178,23 +179,23 @@ def check_function(name: Name, value: Any) -> None:
     >>> check_function("progress", print)
     """
     if value is not None and not callable(value):
-        raise unsuitable(name, value, "a function, or None")
+        raise kind_error(name, value, "a function, or None")
 
 
 def check_items(name: Name, values: Any, kind: type | tuple[type, ...], wanted: str) -> tuple[Any, ...]:
-    """The items of a sequence, all of one class.
+    """Return the items of a sequence as a tuple if all are of one class.
 
     Raises
     ------
     OptionError
-        Also when it is no sequence.
+        For an item of another class, and when `values` is no sequence.
     """
     if isinstance(values, str | bytes) or (kind is not object and isinstance(values, kind)):
-        raise unsuitable(name, values, wanted)
+        raise kind_error(name, values, wanted)
     try:
         items = tuple(values)
     except TypeError as error:
-        raise unsuitable(name, values, wanted) from error
+        raise kind_error(name, values, wanted) from error
     for item in items:
         if not isinstance(item, kind):
             raise OptionError(
@@ -207,8 +208,8 @@ def check_items(name: Name, values: Any, kind: type | tuple[type, ...], wanted: 
     return items
 
 
-def unsuitable(name: Name, value: Any, wanted: str) -> OptionError:
-    """The error about a value of the wrong kind, and what to pass instead."""
+def kind_error(name: Name, value: Any, wanted: str) -> OptionError:
+    """Return the error for a value of the wrong kind; `wanted` describes an allowed one."""
     return OptionError(
         "{parameter} is {value!r}; pass {allowed}",
         kind="type",
@@ -219,17 +220,17 @@ def unsuitable(name: Name, value: Any, wanted: str) -> OptionError:
 
 
 def term_of(name: Name) -> Term:
-    """The parameter of a name."""
+    """Return a name as the term that front ends may translate."""
     return name if isinstance(name, Term) else Term(name)
 
 
 def is_masked(values: Any) -> bool:
-    """Whether values are a masked array; of usual arrays that is known without loading those."""
+    """Return whether values are a masked array; plain arrays do not load ``numpy.ma``."""
     return type(values) is not np.ndarray and isinstance(values, np.ma.MaskedArray)
 
 
 def check_numbers(name: Name, values: Any) -> npt.NDArray[np.float64]:
-    """An array of numbers, of any shape.
+    """Return values as a float64 array of any shape.
 
     Raises
     ------
@@ -246,16 +247,16 @@ def check_numbers(name: Name, values: Any) -> npt.NDArray[np.float64]:
             return array.astype(np.float64)
     except (TypeError, ValueError, OverflowError):
         pass
-    raise unsuitable(name, values, "numbers")
+    raise kind_error(name, values, "numbers")
 
 
 def check_whole_array(name: Name, values: Any) -> npt.NDArray[np.integer[Any]]:
-    """An array of whole numbers, of any shape.
+    """Return values as an integer array of any shape.
 
     Raises
     ------
     OptionError
-        For anything else, and lists of unequal lengths.
+        For other dtypes, and lists of unequal lengths.
     """
     try:
         array = np.asarray(values)
@@ -263,11 +264,11 @@ def check_whole_array(name: Name, values: Any) -> npt.NDArray[np.integer[Any]]:
             return array
     except (TypeError, ValueError, OverflowError):
         pass
-    raise unsuitable(name, values, "whole numbers")
+    raise kind_error(name, values, "whole numbers")
 
 
 def check_pair(name: Name, value: Any, low: int, high: int | None = None) -> tuple[int, int]:
-    """Two whole numbers in [low, high].
+    """Return a value as two ints if it is a pair of whole numbers in [low, high].
 
     Raises
     ------
@@ -276,19 +277,19 @@ def check_pair(name: Name, value: Any, low: int, high: int | None = None) -> tup
     try:
         first, second = value
     except (TypeError, ValueError) as error:
-        raise unsuitable(name, value, "two whole numbers") from error
+        raise kind_error(name, value, "two whole numbers") from error
     return check_whole(name, first, low, high), check_whole(name, second, low, high)
 
 
 def seed_of(seed: Seed) -> int:
-    """The whole number behind a seed: itself, or drawn from a generator, or new.
+    """Return a seed as a whole number, drawn from a generator if one is given, or new for None.
 
-    Results keep it, so that they can be made again.
+    Results keep this number, so that they can be made again.
 
     Raises
     ------
     OptionError
-        When it is none of these, or negative.
+        For a negative number or another class.
 
     Examples
     --------
@@ -302,7 +303,7 @@ def seed_of(seed: Seed) -> int:
     try:
         return check_whole("seed", seed, 0)
     except OptionError as error:
-        raise unsuitable(
+        raise kind_error(
             "seed", seed, "a whole number from 0 on, a numpy.random.Generator, or None"
         ) from error
 
@@ -310,22 +311,24 @@ def seed_of(seed: Seed) -> int:
 def options_from(
     kind: type[OptionsT], options: OptionsT | None, given: Mapping[str, Any], taker: str
 ) -> OptionsT:
-    """The options of one call: an instance, or plain keywords, not both.
+    """Return the options of a call as an instance of their dataclass.
+
+    The caller gives either the instance or plain keywords, not both.
 
     Parameters
     ----------
     kind : type
-        A dataclass.
-    options : instance of it or None
+        The dataclass.
+    options : instance of `kind` or None
     given : dict
         The keywords.
     taker : str
-        Whose options they are, for error texts: "method heat".
+        Name, in error texts, of the method that takes the options: "method heat".
 
     Raises
     ------
     OptionError
-        For another class, for both at once, and for keywords it does not have.
+        For another class, for both at once, and for keywords that are no field of `kind`.
     """
     if options is not None:
         if not isinstance(options, kind):

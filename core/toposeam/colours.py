@@ -9,13 +9,13 @@ import numpy.typing as npt
 
 from toposeam.errors import OptionError
 
-#: (3,) What red, green and blue count in the brightness of a picture (ITU-R BT.709).
+#: (3,) Weights of red, green and blue in the brightness of a picture (ITU-R BT.709).
 LUMA: npt.NDArray[np.float64] = np.array([0.2126, 0.7152, 0.0722])
 LUMA.setflags(write=False)
 
 
 def parse_colour(text: str) -> tuple[float, float, float]:
-    """The colour of ``#rrggbb`` or ``#rgb``, sRGB in [0, 1].
+    """Return the colour of ``#rrggbb`` or ``#rgb``, sRGB in [0, 1].
 
     Raises
     ------
@@ -44,7 +44,7 @@ def parse_colour(text: str) -> tuple[float, float, float]:
 
 
 def to_hex(colour: Iterable[float]) -> str:
-    """A colour as ``#rrggbb``, clipped to what can be shown.
+    """Return a colour as ``#rrggbb``, clipped to [0, 1].
 
     Parameters
     ----------

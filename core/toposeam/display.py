@@ -1,4 +1,4 @@
-"""Results as pictures: for notebooks, and as PIL pictures. Pillow is loaded when it is wanted."""
+"""Results as pictures for notebooks, and as PIL pictures. Pillow is loaded at the first use."""
 
 from __future__ import annotations
 
@@ -15,17 +15,18 @@ from toposeam.images import as_array, as_float, full_scale, in_dtype
 if TYPE_CHECKING:
     import PIL.Image
 
-#: Notebooks are shown at most so many px on the longer side.
-_SHOWN_PX = 800
+#: Longer side of pictures in notebooks, px at most: larger ones would bloat the notebook's file.
+_MAX_NOTEBOOK_PX = 800
 
 
 def to_rgba8(image: Image, alpha: Image | None = None) -> Image:
-    """Any picture as (H, W, 3) uint8, or (H, W, 4) with an opacity.
+    """Convert a picture to (H, W, 3) uint8, or to (H, W, 4) if it has an opacity.
 
     Parameters
     ----------
     image : (H, W) or (H, W, C) array
-        Of other numbers of channels than three the first one, or the first three, are seen.
+        Of one or two channels the first one becomes gray; of three or more the first three are the colour.
+        The last one of two or four channels is the opacity, unless `alpha` is given.
     alpha : (H, W) array, optional
     """
     values = as_float(image, data_range=float(full_scale(as_array(image).dtype)))
@@ -39,7 +40,7 @@ def to_rgba8(image: Image, alpha: Image | None = None) -> Image:
 
 
 def to_pil(result: Any) -> PIL.Image.Image:
-    """A result, or an array, as a PIL picture of 8 bits.
+    """Return a result, or an array, as a PIL picture of 8 bits.
 
     Parameters
     ----------
@@ -48,7 +49,7 @@ def to_pil(result: Any) -> PIL.Image.Image:
     Raises
     ------
     OptionError
-        When it cannot be shown as a picture.
+        When the result has no picture.
 
     Examples
     --------
@@ -61,25 +62,25 @@ def to_pil(result: Any) -> PIL.Image.Image:
 
 
 def to_png(image: Image, alpha: Image | None = None) -> bytes:
-    """A picture as PNG for a notebook, made smaller where it is large."""
+    """Return a picture as PNG for a notebook, reduced if it is large."""
     from PIL import Image as Pillow
 
     picture = Pillow.fromarray(to_rgba8(image, alpha))
-    picture.thumbnail((_SHOWN_PX, _SHOWN_PX))
+    picture.thumbnail((_MAX_NOTEBOOK_PX, _MAX_NOTEBOOK_PX))
     buffer = io.BytesIO()
     picture.save(buffer, "PNG")
     return buffer.getvalue()
 
 
 def line_svg(drawing: str, points: npt.NDArray[np.float64]) -> str:
-    """A line as SVG for a notebook.
+    """Return a line as SVG for a notebook.
 
     Parameters
     ----------
     drawing : str
-        The ``d`` of its path.
+        The attribute ``d`` of the SVG path.
     points : (N, 2) array
-        What it has to show: x and y.
+        x and y of points; their bounding box is shown.
     """
     (left, top), (right, bottom) = points.min(axis=0), points.max(axis=0)
     edge = 0.02 * max(right - left, bottom - top, 1.0)

@@ -1,10 +1,8 @@
-"""The errors a caller can meet. Each derives from :class:`TopoSeamError` and from the builtin it
-specialises.
+"""The errors that this package raises. Each derives from :class:`TopoSeamError` and from a builtin.
 
-An error is a template and data that fill it. ``str(error)`` fills it with the words of this package. A front
-end says the same with words of its own (:meth:`TopoSeamError.said`), or has another sentence for errors of
-that ``kind``. No text is searched for that, so what users have written, such as names of files, comes through
-unharmed.
+An error is a template and the data that fill it. ``str(error)`` fills it with the terms of this package. A
+front end fills it with terms of its own (:meth:`TopoSeamError.sentence`), or has another sentence for errors
+of that ``kind``. Neither searches texts, so that texts of the user, such as names of files, stay unchanged.
 """
 
 from __future__ import annotations
@@ -20,7 +18,7 @@ ErrorT = TypeVar("ErrorT", bound="TopoSeamError")
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """A word in an error's sentence for which a front end may have another: a parameter, or a noun.
+    """A word in an error's sentence that a front end may translate: a parameter or a noun.
 
     Examples
     --------
@@ -28,13 +26,13 @@ class Term:
     ('band', 'map 2', "by='shifts'")
     """
 
-    #: The parameter's name, or the noun; empty for what the user has named and nobody may rename.
+    #: The parameter's name, or the noun; empty for a name given by the user, which is never translated.
     name: str
-    #: How this package says it; by default the name.
+    #: The word of this package; by default the name.
     text: str = ""
-    #: Of a parameter that takes several values, which one is meant.
+    #: Number of the value that is meant, from 0, if the parameter takes several.
     index: int | None = None
-    #: Of a parameter with a certain value, the value.
+    #: The value that is meant, if the term is a parameter with a certain value.
     value: Any = None
 
     def __str__(self) -> str:
@@ -43,13 +41,13 @@ class Term:
         return self.name if self.value is None else f"{self.name}={self.value!r}"
 
 
-#: A front end's word for a term; None where it has none.
+#: Returns a front end's word for a term, or None to keep this package's.
 Words = Callable[[Term], str | None]
 
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """The numbers that are allowed: [low, high], or (low, high] if `above`.
+    """The interval of allowed numbers: [low, high], or (low, high] if `above`.
 
     Examples
     --------
@@ -78,17 +76,17 @@ class Interval:
 
 
 class TopoSeamError(Exception):
-    """Root of every error this package raises on purpose; its text says what was received and what to do.
+    """Root of every error this package raises on purpose; its text states the value received and a remedy.
 
     Parameters
     ----------
     message : str
         The sentence. With a kind or data it is a template in the syntax of :meth:`str.format`: a field is
-        filled with the data of that name, or stands for a :class:`Term`. ``{field!r}`` shows a value shortly.
+        filled with the data of that name, or stands for a :class:`Term`. ``{field!r}`` is a short repr.
     kind : str
-        What went wrong, in one or two words that stay the same when the sentence changes.
+        Code of the error, one or two words that stay the same when the sentence changes.
     **data
-        What the sentence is about, such as ``parameter``, ``value``, ``allowed`` or ``layers``.
+        Values for the fields, such as ``parameter``, ``value``, ``allowed`` or ``layers``.
 
     Examples
     --------
@@ -98,7 +96,7 @@ class TopoSeamError(Exception):
     ... )
     >>> str(error)
     'band is 1; it must be a number between 4 and 10'
-    >>> error.said(lambda term: f"--{term.name}")
+    >>> error.sentence(lambda term: f"--{term.name}")
     '--band is 1; it must be a number between 4 and 10'
     >>> error.parameter, error.value, error.allowed.high
     ('band', 1, 10)
@@ -111,32 +109,32 @@ class TopoSeamError(Exception):
 
     @property
     def parameter(self) -> str | None:
-        """The parameter that was given something wrong."""
+        """Name of the parameter with the wrong value, or None."""
         term = self.data.get("parameter")
         return term.name if isinstance(term, Term) and term.name else None
 
     @property
     def value(self) -> Any:
-        """What it was given."""
+        """The wrong value, or None."""
         return self.data.get("value")
 
     @property
     def allowed(self) -> Any:
-        """What it may be given: an :class:`Interval`, a tuple of choices, or a description."""
+        """The allowed values: an :class:`Interval`, a tuple of choices, a description, or None."""
         return self.data.get("allowed")
 
     @property
     def layers(self) -> tuple[int, ...]:
-        """Which of the given layers or pictures it is about, counted from 0."""
+        """Numbers of the layers or pictures that caused the error, counted from 0."""
         return tuple(self.data.get("layers", ()))
 
-    def said(self, words: Words | None = None) -> str:
-        """The sentence with a front end's words for its terms."""
+    def sentence(self, words: Words | None = None) -> str:
+        """Return the text of the error, with a front end's words for its terms."""
         message = str(self.args[0]) if self.args else ""
         return _Sentence(words).vformat(message, (), self.data) if self.kind or self.data else message
 
     def within(self: ErrorT, message: str, **data: Any) -> ErrorT:
-        """The same error in a longer sentence, where the field ``error`` stands for the shorter one.
+        """Return the same error with a longer sentence, in which the field ``error`` holds this one's text.
 
         Examples
         --------
@@ -146,7 +144,7 @@ class TopoSeamError(Exception):
         return type(self)(message, kind=self.kind, **{**self.data, **data, "error": self})
 
     def naming(self: ErrorT, **names: str) -> ErrorT:
-        """The same error with names, such as a layer's, for terms; front ends do not replace them.
+        """Return the same error with names, such as a layer's, for terms; front ends do not translate names.
 
         Examples
         --------
@@ -166,7 +164,7 @@ class TopoSeamError(Exception):
         return type(self)(str(self.args[0]), kind=self.kind, **data)
 
     def __str__(self) -> str:
-        return self.said()
+        return self.sentence()
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({str(self)!r})"
@@ -201,7 +199,7 @@ class SolverError(TopoSeamError, RuntimeError):
 
 
 class _Sentence(Formatter):
-    """Fills a sentence's gaps."""
+    """Formatter that fills a template with data and with a front end's words."""
 
     def __init__(self, words: Words | None) -> None:
         self._words = words
@@ -215,10 +213,10 @@ class _Sentence(Formatter):
             return own or str(value)
         if isinstance(value, tuple):
             return tuple(map(self._named, value))
-        return value.said(self._words) if isinstance(value, TopoSeamError) else value
+        return value.sentence(self._words) if isinstance(value, TopoSeamError) else value
 
     def convert_field(self, value: Any, conversion: Any) -> Any:
-        return shown(value) if conversion == "r" else super().convert_field(value, conversion)
+        return short_repr(value) if conversion == "r" else super().convert_field(value, conversion)
 
     def format_field(self, value: Any, format_spec: str) -> str:
         if isinstance(value, tuple):
@@ -226,8 +224,8 @@ class _Sentence(Formatter):
         return str(format(value, format_spec)) if format_spec else str(value)
 
 
-class _Shown(str):
-    """What a value looked like that does not go to another process."""
+class _ReprText(str):
+    """Text in place of a value that cannot be sent to another process; its repr is the text itself."""
 
     __slots__ = ()
 
@@ -235,18 +233,18 @@ class _Shown(str):
         return str(self)
 
 
-def shown(value: Any) -> str:
-    """What was received, on one line and not too long, for error texts."""
+def short_repr(value: Any) -> str:
+    """Return the repr of a value for error texts: on one line, at most 60 characters."""
     text = " ".join(repr(value).split())
     return text if len(text) <= 60 else f"{text[:57]}…"
 
 
 def _portable(value: Any) -> Any:
-    """The value, or for values that other processes may not be able to read what it looks like."""
+    """Return a value that can be pickled: the value itself if it is of a known class, else its short repr."""
     if value is None or isinstance(value, bool | int | float | str | Interval | TopoSeamError):
         return value
     if isinstance(value, Term):
         return Term(value.name, value.text, value.index, _portable(value.value))
     if isinstance(value, tuple):
         return tuple(_portable(item) for item in value)
-    return _Shown(shown(value))
+    return _ReprText(short_repr(value))

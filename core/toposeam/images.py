@@ -1,4 +1,4 @@
-"""Image arrays on the way in and out: any integer or float dtype, gray or any number of channels."""
+"""Conversion and checks of image arrays: any integer or float dtype, gray or any number of channels."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from toposeam.arrays import Image, Mask
 from toposeam.checks import Name, check_number, is_masked, term_of
 from toposeam.errors import ImageError
 
-#: Largest canvas that is made without being asked to: a gigapixel.
+#: Largest canvas, px, that is made unless the caller raises the limit: a gigapixel.
 MAX_PIXELS = 10**9
-#: Float images with larger values are refused: their squares would overflow.
-LARGEST = 1e12
-#: An array of more pixels is refused before it is walked through.
-MOST_PIXELS = 2**32
-#: What counts as 1 lies between 1 ÷ this and this.
-_WHITEST = 1e30
-#: Floats within ± this are taken for shares of white; lights and filters go a little beyond 1.
-_NOMINAL = 2.0
-#: An array with at most four rows and more channels than this has its axes in another order.
-_MOST_CHANNELS = 16
+#: Largest absolute value of a float image, in units of white: squares of larger ones overflow in float32.
+MAX_FLOAT = 1e12
+#: Largest image array, px: larger ones are refused before their values are read.
+MAX_ARRAY_PIXELS = 2**32
+#: `data_range`, the value that counts as white, lies between 1 ÷ this and this.
+_MAX_WHITE = 1e30
+#: Float images within ± this are taken as shares of white: highlights and filters go a little beyond 1.
+_MAX_UNSCALED_FLOAT = 2.0
+#: An array with at most four rows and more channels than this is taken as (C, H, W) and refused.
+_MAX_CHANNELS = 16
 
 
 class Windows(ABC):
-    """An image that is read where it is looked at: larger than memory, on disk, or computed.
+    """An image that is read window by window: larger than memory, on disk, or computed.
 
-    It reads like an array, by rows and columns, and every window is an array. :class:`toposeam.Layer` takes
-    it for its image and its opacity. A subclass says how a window is made.
+    Indexing by slices of rows and columns returns the window as an array. :class:`toposeam.Layer` takes such
+    an image for its pixels and its opacity. A subclass implements `read`.
 
     Parameters
     ----------
@@ -57,8 +57,10 @@ class Windows(ABC):
 
     @abstractmethod
     def read(self, rows: slice, columns: slice) -> Image:
-        """The pixels of some rows and columns, (h, w) or (h, w, C), which the caller may write to; the slices
-        have whole bounds within the image, and perhaps a step.
+        """Return the pixels of some rows and columns as a new (h, w) or (h, w, C) array.
+
+        The caller may write to the array. The bounds of the slices are whole numbers within the image; a
+        slice may have a step.
         """
 
     def __getitem__(self, key: tuple[slice, slice]) -> Image:
@@ -71,16 +73,16 @@ class Windows(ABC):
 
 
 def as_array(image: Any, name: Name = "image", *, endless: bool = False) -> Image:
-    """Pixels of an array, or of a PIL picture, as they are.
+    """Return the pixels of an array or of a PIL picture, unchanged.
 
     Parameters
     ----------
     image : (H, W) or (H, W, C) array_like, or PIL.Image.Image
-        Of PIL pictures those with a palette become RGB, or RGBA where colours are transparent.
+        PIL pictures with a palette become RGB, or RGBA if they have transparent colours.
     name : str or Term
-        What the caller calls this image; used in error texts.
+        Name of the image in error texts.
     endless : bool
-        Whether it may be of any size, as its caller only looks at windows of it.
+        Accept images of any size, for callers that read them by windows.
 
     Returns
     -------
@@ -129,7 +131,7 @@ def as_array(image: Any, name: Name = "image", *, endless: bool = False) -> Imag
             array=term_of(name),
         )
     height, width = array.shape[:2]
-    if height * width > MOST_PIXELS and not endless:
+    if height * width > MAX_ARRAY_PIXELS and not endless:
         raise ImageError(
             "{array} has {width} × {height} px, more than are taken at once; pass a part of it",
             kind="too large",
@@ -137,7 +139,7 @@ def as_array(image: Any, name: Name = "image", *, endless: bool = False) -> Imag
             height=height,
             array=term_of(name),
         )
-    if array.ndim == 3 and array.shape[0] <= 4 and array.shape[2] > _MOST_CHANNELS:
+    if array.ndim == 3 and array.shape[0] <= 4 and array.shape[2] > _MAX_CHANNELS:
         raise ImageError(
             "{array} has shape {shape!s}, which looks like (C, H, W); pass (H, W, C), as "
             "{array}.transpose(1, 2, 0) has it",
@@ -151,17 +153,17 @@ def as_array(image: Any, name: Name = "image", *, endless: bool = False) -> Imag
 def as_float(
     image: npt.ArrayLike, name: Name = "image", data_range: float | None = None
 ) -> npt.NDArray[np.float32]:
-    """The image as float32 with a channel axis, its values divided by what counts as 1.
+    """Return an image as float32 with a channel axis, its values divided by `data_range`.
 
     Parameters
     ----------
     image : (H, W) or (H, W, C) array_like
         Bool, integer or float.
     name : str or Term
-        What the caller calls this image; used in error texts.
+        Name of the image in error texts.
     data_range : float, optional
-        The value that counts as 1. By default 255 for uint8, 65535 for uint16, and 1 for floats, which must
-        then look as if that were so.
+        The value that becomes 1 (white). By default 255 for uint8, 65535 for uint16, and 1 for floats, which
+        must then lie within ±2.
 
     Returns
     -------
@@ -194,8 +196,9 @@ def as_float(
 def as_planes(
     image: npt.ArrayLike, name: Name = "image", data_range: float | None = None
 ) -> npt.NDArray[np.float32]:
-    """What :func:`as_float` gives as (C, H, W): one channel after the other, which is reckoned with several
-    times as fast.
+    """Return an image like :func:`as_float`, but as (C, H, W).
+
+    Arithmetic on whole channels is several times as fast on this layout.
 
     Examples
     --------
@@ -214,7 +217,7 @@ def as_planes(
 
 
 def _scale(values: npt.NDArray[np.float32], dtype: np.dtype[Any], data_range: float | None) -> None:
-    """Divide values that were of a dtype by what counts as 1, in place."""
+    """Divide values by the white of their original dtype, or by `data_range`, in place."""
     if np.issubdtype(dtype, np.integer):
         values *= np.float32(1.0 / (data_range or np.iinfo(dtype).max))
     elif np.issubdtype(dtype, np.floating) and data_range is not None and data_range != 1:
@@ -222,24 +225,24 @@ def _scale(values: npt.NDArray[np.float32], dtype: np.dtype[Any], data_range: fl
 
 
 def check_values(array: Image, name: Name = "image", data_range: float | None = None) -> None:
-    """Refuse an image of which nobody can tell what counts as white, or whose values cannot be reckoned with.
+    """Refuse an image whose white is not known, or whose values would overflow.
 
     Parameters
     ----------
     array : (H, W) or (H, W, C) array
     name : str or Term
-        What the caller calls it.
+        Name of the image in error texts.
     data_range : float, optional
-        The value that counts as 1, as for :func:`as_float`.
+        The value that counts as white, as for :func:`as_float`.
 
     Raises
     ------
     ImageError
-        For NaN, infinite and huge values; and where `data_range` is needed: for integers but uint8 and
-        uint16, and for floats beyond ±2.
+        For NaN, infinite and huge values; and, without `data_range`, for integers other than uint8 and
+        uint16 and for floats beyond ±2.
     OptionError
-        When `data_range` is not positive, or so small or large that values divided by it cannot be reckoned
-        with.
+        When `data_range` is not positive, or so small or large that values divided by it leave the range of
+        float32.
 
     Examples
     --------
@@ -251,7 +254,7 @@ def check_values(array: Image, name: Name = "image", data_range: float | None = 
 data_range= which value is white
     """
     if data_range is not None:
-        check_number("data_range", data_range, _least_white(array), _WHITEST)
+        check_number("data_range", data_range, _least_white(array), _MAX_WHITE)
     if array.dtype == bool:
         return
     if np.issubdtype(array.dtype, np.integer):
@@ -273,14 +276,14 @@ data_range= which value is white
             kind="not finite",
             array=term_of(name),
         )
-    if largest > LARGEST or max(-low, high) > _WHITEST:
+    if largest > MAX_FLOAT or max(-low, high) > _MAX_WHITE:
         raise ImageError(
             "{array} has values beyond ±{limit:g}; scale its range to [0, 1]",
             kind="white",
-            limit=LARGEST if largest > LARGEST else _WHITEST,
+            limit=MAX_FLOAT if largest > MAX_FLOAT else _MAX_WHITE,
             array=term_of(name),
         )
-    if data_range is None and largest > _NOMINAL:
+    if data_range is None and largest > _MAX_UNSCALED_FLOAT:
         raise ImageError(
             "{array} is of floats up to {largest:g}, where 1 counts as white; say with "
             "data_range= which value does (255? 1, for a wide range?)",
@@ -291,21 +294,21 @@ data_range= which value is white
 
 
 def _least_white(array: Image) -> float:
-    """The least value that may count as 1 for an array: divided by less, integers become too large."""
+    """Return the least `data_range` that an array allows: divided by less, its integers become too large."""
     if not np.issubdtype(array.dtype, np.integer):
-        return 1 / _WHITEST
+        return 1 / _MAX_WHITE
     if array.dtype.itemsize <= 2:
-        return float(np.iinfo(array.dtype).max) / LARGEST
-    return max(abs(float(array.min())), abs(float(array.max())), 1 / _WHITEST) / LARGEST
+        return float(np.iinfo(array.dtype).max) / MAX_FLOAT
+    return max(abs(float(array.min())), abs(float(array.max())), 1 / _MAX_WHITE) / MAX_FLOAT
 
 
 def full_scale(dtype: np.dtype[Any]) -> Any:
-    """What counts as 1, and as opaque, in that dtype: the largest integer, or 1.0."""
+    """Return the value of white, and of opaque, in a dtype: the largest integer, or 1.0."""
     return dtype.type(np.iinfo(dtype).max if np.issubdtype(dtype, np.integer) else 1)
 
 
 def in_dtype(values: npt.NDArray[np.floating[Any]], dtype: np.dtype[Any]) -> npt.NDArray[Any]:
-    """Values reckoned with as values of a picture: those of integers are rounded and kept within its limits.
+    """Convert computed values to a dtype; for integers they are rounded and clipped to its limits.
 
     Examples
     --------
@@ -318,14 +321,14 @@ def in_dtype(values: npt.NDArray[np.floating[Any]], dtype: np.dtype[Any]) -> npt
         limits = np.iinfo(dtype)
         values = np.rint(values)
         np.clip(values, limits.min, limits.max, out=values)
-        if dtype.itemsize > 2:  # the largest integer may be no float: the next one overflows
+        if dtype.itemsize > 2:  # a float may not hold the largest integer exactly; the next float overflows
             full = values >= limits.max
             return np.where(full, dtype.type(limits.max), np.where(full, 0, values).astype(dtype))
     return values.astype(dtype, copy=False)
 
 
 def as_mask(mask: npt.ArrayLike, shape: tuple[int, ...], name: Name) -> Mask:
-    """The mask as a bool array of the given shape, (H, W) or (D, H, W), True where it is not zero.
+    """Return a mask as a bool array of the given shape, (H, W) or (D, H, W), True where it is not zero.
 
     Raises
     ------
@@ -351,7 +354,7 @@ def as_mask(mask: npt.ArrayLike, shape: tuple[int, ...], name: Name) -> Mask:
 
 
 def box_of(mask: Mask, reach: int = 0) -> tuple[slice, slice]:
-    """Rows and columns of a mask that is not empty, and this many px beyond them where there are any.
+    """Return the bounding rows and columns of a non-empty mask, widened by `reach` px within the image.
 
     Examples
     --------
@@ -368,7 +371,7 @@ def box_of(mask: Mask, reach: int = 0) -> tuple[slice, slice]:
 
 
 def check_shape(array: npt.NDArray[Any], shape: tuple[int, ...], name: Name) -> None:
-    """Refuse an array that has not one value per pixel of (H, W) images, or voxel of (D, H, W) volumes.
+    """Refuse an array that does not have one value per pixel of (H, W), or per voxel of (D, H, W).
 
     Raises
     ------
@@ -387,19 +390,19 @@ def check_shape(array: npt.NDArray[Any], shape: tuple[int, ...], name: Name) -> 
 
 
 def unit_of(shape: tuple[int, ...]) -> str:
-    """What one value of (H, W), or of (D, H, W), belongs to."""
+    """Return the noun for an element of (H, W), "pixel", or of (D, H, W), "voxel"."""
     return "voxel" if len(shape) == 3 else "pixel"
 
 
 def widen(
     a: npt.NDArray[np.float32], b: npt.NDArray[np.float32]
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
-    """Give two (H, W, C) images the same number of channels: one-channel images are repeated.
+    """Return two (H, W, C) images with the same number of channels; a single channel is repeated.
 
     Raises
     ------
     ImageError
-        When both have several channels but not equally many.
+        When both have several channels, but different numbers of them.
     """
     ca, cb = a.shape[2], b.shape[2]
     if ca == cb:

@@ -1,4 +1,7 @@
-"""Results as picture files: 8 bits by Pillow, other depths by tifffile, which scikit-image brings along."""
+"""Results as picture files: 8 bits by Pillow, other depths by tifffile, on which scikit-image depends.
+
+The modules that draw and write are loaded when a picture is saved.
+"""
 
 from __future__ import annotations
 
@@ -8,11 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from toposeam.display import to_pil, to_rgba8
 from toposeam.errors import OptionError, Term
-from toposeam.saving import path_of, save
 
-#: Suffixes of files, and Pillow's name of the format.
+#: Suffix of a file: Pillow's name of the format.
 _FORMATS = {
     ".png": "PNG",
     ".jpg": "JPEG",
@@ -29,10 +30,10 @@ class PictureResult:
     __slots__ = ()
 
     def save(self, path: str | Path) -> None:
-        """Write the picture as PNG, JPEG, WebP or TIFF, as the file's name ends.
+        """Write the picture as PNG, JPEG, WebP or TIFF, by the suffix of the file's name.
 
-        An existing file is replaced. TIFF keeps every depth; the others hold 8 bits, to which pictures of
-        float values in [0, 1] are rounded, as motifs are everywhere.
+        An existing file is replaced. TIFF keeps every depth; the others hold 8 bits, to which floats in
+        [0, 1] are rounded. Motifs are rounded to 8 bits in every format.
 
         Parameters
         ----------
@@ -41,15 +42,20 @@ class PictureResult:
         Raises
         ------
         OptionError
-            For other endings; for integers of more than 8 bits, and what is not opaque, in formats that do
-            not keep them.
+            For other suffixes; for integers of more than 8 bits, or an opacity, in formats that cannot hold
+            them.
         OSError
-            When the file cannot be written; what was there is still there.
+            When the file cannot be written; an existing file is unchanged.
         """
+        from toposeam.saving import path_of, save
+
         save(path, _encoded(self, path_of(path)))
 
 
 def _encoded(result: Any, path: Path) -> bytes:
+    """Encode a result as the format of a file's suffix."""
+    from toposeam.display import to_pil, to_rgba8
+
     kind = _FORMATS.get(path.suffix.lower())
     if kind is None:
         raise OptionError(

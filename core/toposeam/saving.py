@@ -1,4 +1,4 @@
-"""Files that core itself writes (drawings, meshes): whole, or not at all."""
+"""Atomic writing of files by core (drawings, meshes): a file is complete, or is not there."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from typing import Any
 from toposeam.checks import check_kind
 
 fcntl: Any = None
-with suppress(ImportError):  # there is none on Windows
+with suppress(ImportError):  # Windows has no fcntl
     import fcntl
 
 
 def save(path: str | Path, content: str | bytes) -> None:
-    """Write a file under another name and rename it when it is complete; an existing one is replaced.
+    """Write a file under a temporary name and rename it when it is complete; an existing file is replaced.
 
     Parameters
     ----------
@@ -27,23 +27,23 @@ def save(path: str | Path, content: str | bytes) -> None:
     Raises
     ------
     OptionError
-        For what is no name of a file.
+        When `path` is neither a str nor a Path.
     OSError
-        When it cannot be written; what was there is still there.
+        When the file cannot be written; an existing file is unchanged.
     """
     target = Path(os.path.realpath(path_of(path)))
     temporary = target.with_name(f".toposeam-{secrets.token_hex(8)}.part")
     try:
         with temporary.open("xb") as file:
             if fcntl is not None:
-                with suppress(OSError):  # where there are locks, they tell the command line that it is in use
+                with suppress(OSError):  # the lock shows the command line that the file is in use
                     fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             file.write(content.encode() if isinstance(content, str) else content)
             file.flush()
             os.fsync(file.fileno())
             if fcntl is not None:
                 temporary.replace(target)
-        if fcntl is None:  # an open file cannot be renamed there
+        if fcntl is None:  # Windows cannot rename an open file
             temporary.replace(target)
     except BaseException as error:
         with suppress(OSError):

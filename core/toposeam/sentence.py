@@ -1,4 +1,4 @@
-"""What went wrong, as one sentence for the user, and other words."""
+"""Sentences for users: errors as one line, escapes, counted nouns."""
 
 from __future__ import annotations
 
@@ -9,14 +9,15 @@ from toposeam.errors import TopoSeamError
 
 
 def sentence(error: BaseException) -> str:
-    """What to tell the user about an error, on one line."""
-    return printable(str(as_told(error)))
+    """Return the text of an error for the user, on one line."""
+    return printable(str(as_toposeam_error(error)))
 
 
-def as_told(error: BaseException) -> TopoSeamError:
-    """The error, or one of ours that tells the user about it.
+def as_toposeam_error(error: BaseException) -> TopoSeamError:
+    """Return an error as a TopoSeamError with a text for the user.
 
-    Of these the kind is ``memory``, ``system`` or ``internal``; errors of click keep their sentence.
+    Errors of this package are returned unchanged, and errors of click keep their text. Others become an error
+    of the kind ``memory``, ``system`` or ``internal``.
     """
     if isinstance(error, TopoSeamError):
         return error
@@ -42,14 +43,15 @@ def as_told(error: BaseException) -> TopoSeamError:
 
 
 def printable(text: str) -> str:
-    """The text with escapes for what would break a line or a terminal: file names may hold line breaks and
-    worse.
+    """Return a text with escapes for unprintable characters.
+
+    File names may hold line breaks and control sequences, which would break the line or the terminal.
     """
     return "".join(character if character.isprintable() else ascii(character)[1:-1] for character in text)
 
 
 def counted(number: int, noun: str) -> str:
-    """One thing, or a number of them.
+    """Return a number with its noun, in the plural unless the number is 1.
 
     Examples
     --------
@@ -60,7 +62,7 @@ def counted(number: int, noun: str) -> str:
 
 
 def causes(error: BaseException | None) -> Iterator[BaseException]:
-    """An error, then what it came from, and so on, each once: a cause may be its own."""
+    """Yield an error and its chain of causes, each once: chains may be circular."""
     seen: set[int] = set()
     while error is not None and id(error) not in seen:
         seen.add(id(error))

@@ -37,7 +37,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from toposeam.errors import Interval, Term, TopoSeamError
-from toposeam.sentence import as_told, printable
+from toposeam.sentence import as_toposeam_error, printable
 from toposeam_engine.job import EngineJob
 
 #: Version of the protocol, to be raised when requests or results change their meaning.
@@ -192,7 +192,7 @@ def described(error: BaseException) -> dict[str, Any]:
     """Describe an error for the asker: its sentence, and the kind, parameter and data with which the asker
     makes its own.
     """
-    ours = as_told(error)
+    ours = as_toposeam_error(error)
     data: dict[str, Any] = {}
     for name, value in ours.data.items():
         if isinstance(value, Interval):
@@ -204,7 +204,7 @@ def described(error: BaseException) -> dict[str, Any]:
             data[name] = printable(", ".join(map(str, value)))
         elif not isinstance(value, Term | TopoSeamError):
             data[name] = printable(str(value))
-    message = ours.said(lambda term: "layers" if term.name == "patches" else None)
+    message = ours.sentence(lambda term: "layers" if term.name == "patches" else None)
     return {"message": printable(message), "kind": ours.kind, "parameter": ours.parameter, "data": data}
 
 

@@ -44,7 +44,9 @@ def test_layers_are_told_by_number_and_by_name():
         ts.stitch(layers)
     assert raised.value.layers == (2,)
     assert raised.value.data["name"] == "patch 300"
-    assert raised.value.said(lambda term: "PICTURES").startswith("patch 300 (at 300,0): the PICTURES do not")
+    assert raised.value.sentence(lambda term: "PICTURES").startswith(
+        "patch 300 (at 300,0): the PICTURES do not"
+    )
 
 
 def test_a_path_between_layers_names_the_layers():
@@ -54,7 +56,7 @@ def test_a_path_between_layers_names_the_layers():
     with pytest.raises(PathError) as raised:
         ts.stitch(layers, use_path=ts.vector.SvgSeam((line,), 60, 30, None, ("seam",)))
     assert "of an edge of {a} the path leaves" in str(raised.value)
-    assert "of an edge of {a} the path leaves" in raised.value.said(lambda term: "X")
+    assert "of an edge of {a} the path leaves" in raised.value.sentence(lambda term: "X")
 
 
 @pytest.mark.parametrize("kind", FAMILY)
@@ -92,9 +94,9 @@ def test_errors_with_unpicklable_values_return_from_processes():
 def test_front_ends_name_terms_and_settings():
     error = OptionError("leave {patch} out with {shifts}", kind="conflict", shifts=Term("by", value="shifts"))
     assert str(error) == "leave patch out with by='shifts'"
-    said = error.said(lambda term: f"--{term.name} {term.value or ''}".strip())
+    said = error.sentence(lambda term: f"--{term.name} {term.value or ''}".strip())
     assert said == "leave --patch out with --by shifts"
-    assert error.naming(patch="{x}").said(lambda term: None) == "leave {x} out with by='shifts'"
+    assert error.naming(patch="{x}").sentence(lambda term: None) == "leave {x} out with by='shifts'"
 
 
 def test_a_longer_sentence_keeps_kind_and_data():

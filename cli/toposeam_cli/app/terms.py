@@ -39,7 +39,7 @@ def said(error: TopoSeamError) -> str:
         value = context.params.get(term.name)
         return value.name if isinstance(value, Path) else None
 
-    return error.said(word)
+    return error.sentence(word)
 
 
 def _option(option: click.Option, term: Term) -> str:

@@ -16,7 +16,7 @@ from typing import Any
 import click
 
 import toposeam as ts
-from toposeam.motif.book import BESIDE, FINISH, SEASONS, book_recipe, choose
+from toposeam.motif.book import FINISH, SEASONS, SECOND_PRODUCT, book_recipe, choose
 from toposeam.motif.kinds import Kind
 from toposeam_cli.app.command import Command
 from toposeam_cli.app.options import FILE, FiniteRange, PaperLengthType, jobs_option, quiet_option
@@ -173,7 +173,7 @@ def _beside(chosen: Sequence[tuple[Row, str]]) -> list[tuple[Row, str]]:
     """Return the products, some with the number of a second pattern."""
     number = {(row["season"], product): row["number"] for row, product in chosen}
     return [
-        ({**row, "beside": number.get((row["season"], BESIDE.get(product, "")))}, product)
+        ({**row, "beside": number.get((row["season"], SECOND_PRODUCT.get(product, "")))}, product)
         for row, product in chosen
     ]
 

@@ -15,14 +15,13 @@ from toposeam.checks import Seed, check_items, check_pair, check_whole, check_wh
 from toposeam.errors import OptionError, Term
 from toposeam.motif.ink.printing import MAX_PATTERN, Inked, checked_size
 from toposeam.motif.ink.sampling import resample
-from toposeam.motif.ink.stroke_edges import EDGES, fineness, printed, shading
+from toposeam.motif.ink.stroke_edges import EDGES, fineness, print_layer, stroke_ends
 from toposeam.motif.motif import Motif
 
-#: Standard deviation of the blur by which prints that end differently go over into each other, as a share of
-#: the cell's side.
-_OVER = 0.03
-#: Of a random arrangement.
-_MOST_PLACES = 1_000_000
+#: Standard deviation, as a share of the cell's side, of the blur that mixes prints with unlike stroke edges.
+_EDGE_BLUR = 0.03
+#: Largest number of places of a random arrangement.
+_MAX_PLACES = 1_000_000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -44,17 +43,17 @@ class Arrangement(Inked):
     inks: npt.NDArray[np.float64]
     #: (3,) sRGB in [0, 1].
     paper: npt.NDArray[np.float64]
-    #: (rows, columns) int: which motif lies where.
+    #: (rows, columns) int: index of the motif at each place.
     grid: npt.NDArray[np.intp]
-    #: The motifs, by their index.
+    #: The motifs, by index.
     motifs: tuple[Motif, ...]
-    #: The whole repeats by translation.
+    #: The arrangement as a whole repeats by translation.
     repeat: str = "translate"
 
     @property
     def edges(self) -> tuple[str, ...]:
-        """Stroke edges of each layer in print: those of its motifs, or "soft" where these differ and
-        `sampled` has applied them.
+        """Stroke edges of each layer in print: those of its motifs; "soft" if they differ between motifs, as
+        `sampled` has then applied them already.
         """
         return tuple(kinds[0] if len(set(kinds)) == 1 else "soft" for kinds in self._kinds)
 
@@ -75,9 +74,10 @@ class Arrangement(Inked):
         return {"arrangement": {"grid": self.grid.tolist(), "recipes": recipes}}
 
     def sampled(self, layer: int, size: tuple[int, int]) -> npt.NDArray[np.float32]:
-        """Return one layer's density, smoothly interpolated to (rows, columns). Of a layer whose strokes do
-        not end alike in all motifs, wash beside strokes, the print: of every motif as its own strokes end,
-        and along borders the one goes over into the other.
+        """Return one layer's density, smoothly interpolated to (rows, columns).
+
+        If the layer's stroke edges differ between motifs, such as ink wash beside strokes, the result is the
+        print: each motif has its own edges, and the prints fade into each other along the borders.
         """
         smooth = partial(resample, self.densities[layer], self.repeat)
         kinds = self._kinds[layer]
@@ -86,17 +86,15 @@ class Arrangement(Inked):
         elements = self.densities.shape[1], self.densities.shape[2]
         result = np.zeros(size, np.float32)
         left = np.ones(size, np.float32)
-        for edge in sorted(set(kinds), key=EDGES.index):  # haze goes on into strokes, not wash into nothing
+        for edge in sorted(set(kinds), key=EDGES.index):  # wash fades into strokes, not into nothing
             cells = np.isin(self.grid, [index for index, kind in enumerate(kinds) if kind == edge])
-            share = left * np.minimum(2 * _spread(cells, size), 1)
-            result += share * printed(smooth, edge, self.repeat, elements, size, self._ends[layer, edge])
+            share = left * np.minimum(2 * _blurred_cells(cells, size), 1)
+            result += share * print_layer(smooth, edge, self.repeat, elements, size, self._ends[layer, edge])
             left -= share
         return result
 
     def resampled(self, size: tuple[int, int] | None = None) -> npt.NDArray[np.float32]:
-        """Resample the print, with `sampled` at every size: layers that it ends have no other densities to be
-        drawn from.
-        """
+        """Resample by `sampled` at every given size: for layers of unlike edges it returns the print."""
         return (
             super().resampled(size)
             if size is None
@@ -104,14 +102,16 @@ class Arrangement(Inked):
         )
 
     def ends(self, layer: int) -> tuple[float, np.float32]:
-        """Return the stroke ends of all motifs together, each counted once: wherever they lie, and however
-        often, a motif looks the same, and strokes meet across borders as the optimisation left them.
+        """Return the stroke ends of all motifs together, each counted once.
+
+        A motif then looks the same wherever and however often it is laid, and strokes meet across borders as
+        the optimisation left them.
         """
         return self._ends[check_whole("layer", layer, 0, len(self.inks) - 1), self.edges[layer]]
 
     @cached_property
     def _ends(self) -> dict[tuple[int, str], tuple[float, np.float32]]:
-        """For every layer and way in which strokes end there."""
+        """Level and gain of `stroke_ends` for every layer and each of its stroke edges."""
         rows, columns = self.motifs[0].densities.shape[1:]
         fine = fineness((rows, columns))
         found = {}
@@ -122,7 +122,7 @@ class Arrangement(Inked):
                     for motif, kind in zip(self.motifs, kinds, strict=True)
                     if kind == edge
                 )
-                found[layer, edge] = shading(fields, edge, self.repeat, fine)
+                found[layer, edge] = stroke_ends(fields, edge, self.repeat, fine)
         return found
 
     def __repr__(self) -> str:
@@ -144,11 +144,11 @@ def arrange(
     motifs : sequence of Motif
         Of the same size and inks, such as the motifs of `JoinedMotifs`.
     arrangement : (rows, columns) or (R, C) int array_like
-        How many, chosen at random; or which motif goes where, by its index.
+        Number of places, for a random choice of motifs; or the index of the motif at each place.
     seed : int, Generator or None
-        Of the random choice.
+        Seed of the random choice.
     reach : int, optional
-        Random neighbours are at most this far apart in the sequence; any without it.
+        Largest distance, in the sequence, between random neighbours; unlimited by default.
 
     Returns
     -------
@@ -228,12 +228,12 @@ def arrange(
     )
 
 
-def _spread(cells: npt.NDArray[np.bool_], size: tuple[int, int]) -> npt.NDArray[np.float32]:
-    """1 on some cells of a grid and 0 on others, (rows, columns) px, blurred across their borders."""
+def _blurred_cells(cells: npt.NDArray[np.bool_], size: tuple[int, int]) -> npt.NDArray[np.float32]:
+    """Enlarge a bool grid of cells to (rows, columns) px, blurred across the cells' borders."""
     places = [np.arange(px) * many // px for px, many in zip(size, cells.shape, strict=True)]
     field = cells[np.ix_(*places)].astype(np.float32)
     for axis, (px, many) in enumerate(zip(size, cells.shape, strict=True)):
-        field = gaussian_filter1d(field, _OVER * px / many, axis=axis, mode="wrap")
+        field = gaussian_filter1d(field, _EDGE_BLUR * px / many, axis=axis, mode="wrap")
     return field
 
 
@@ -246,10 +246,10 @@ def random_arrangement(
     ----------
     counts : (rows, columns)
     motifs : int
-        How many there are to choose from.
+        Number of motifs to choose from.
     seed : int, Generator or None
     reach : int, optional
-        Any may lie beside any without it.
+        Unlimited by default.
 
     Returns
     -------
@@ -266,14 +266,14 @@ def random_arrangement(
     """
     counts = rows, columns = check_pair("counts", counts, 1)
     check_whole("motifs", motifs, 1, 2**62)
-    if rows * columns > _MOST_PLACES:
+    if rows * columns > _MAX_PLACES:
         raise OptionError(
             "the arrangement would have {rows} × {columns} places; ask for at most {most}",
             kind="too large",
             parameter=Term("counts"),
             rows=rows,
             columns=columns,
-            most=_MOST_PLACES,
+            most=_MAX_PLACES,
         )
     if reach is not None:
         check_whole("reach", reach, 1)
@@ -282,8 +282,8 @@ def random_arrangement(
     far = motifs if reach is None else reach
     for y in range(rows):
         for x in range(columns):
-            # Left and upper neighbours both lie within reach of the one between them, so there is always a
-            # choice.
+            # The left and the upper neighbour both lie within reach of the one diagonally above, so there is
+            # always a choice.
             beside = [int(grid[y, x - 1])] if x else []
             beside += [int(grid[y - 1, x])] if y else []
             least = max([0, *(other - far for other in beside)])

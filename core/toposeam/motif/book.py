@@ -1,6 +1,4 @@
-"""Contents of a pattern book round a theme (thesis 4.5): the recipe of each pattern, and the product it
-suits.
-"""
+"""Pattern books on a theme (thesis 4.5): the recipe of each pattern, and the product that it suits."""
 
 from __future__ import annotations
 
@@ -19,7 +17,7 @@ from toposeam.motif.recipe.recipe import Recipe, pack_base, unpack_base
 
 #: The four palettes that divide a book.
 SEASONS = ("spring", "summer", "fall", "winter")
-#: Rules of repetition; those that leave the theme unchanged more often than those that fold it.
+#: Rules of repetition to draw from; rules that leave the theme whole are listed more often.
 _REPEATS = (
     "translate",
     "translate",
@@ -38,42 +36,41 @@ _REPEATS = (
     "p4g",
     "p6m",
 )
-#: The kinds a product is shown with: a fine pattern for a tie, a bold one for a canvas.
-FITTING: dict[str, tuple[Kind, ...]] = {
+#: Kinds of pattern for each product, the best first: fine ones for a tie, bold ones for a canvas.
+FITTING_KINDS: dict[str, tuple[Kind, ...]] = {
     "tie": (Kind.THIN_HIDDEN, Kind.THIN_CLEAR, Kind.THICK_HIDDEN, Kind.THICK_CLEAR),
     "scarf": (Kind.THICK_HIDDEN, Kind.THIN_HIDDEN, Kind.THIN_CLEAR, Kind.THICK_CLEAR),
     "shirt": (Kind.THIN_CLEAR, Kind.THIN_HIDDEN, Kind.THICK_CLEAR, Kind.THICK_HIDDEN),
     "canvas": (Kind.THICK_CLEAR, Kind.THICK_HIDDEN, Kind.THIN_CLEAR, Kind.THIN_HIDDEN),
 }
 
-#: What a pattern is made into for a product: how many inks are kept at most, and how strokes end; None where
-#: that stays. Ties are woven of few threads, scarves are vivid.
+#: Largest number of inks and stroke edges of each product; None leaves the pattern's own. Ties are woven of
+#: few threads, scarves are vivid.
 FINISH: dict[str, tuple[int | None, str | None]] = {
     "tie": (2, "crisp"),
     "scarf": (None, "crisp"),
     "shirt": (None, None),
     "canvas": (None, None),
 }
-#: The second pattern of a product is what another product of the season has: collar, border.
-BESIDE = {"shirt": "tie", "scarf": "shirt", "tie": "scarf"}
+#: The product whose pattern of the same season serves as the second one, such as on a collar or a border.
+SECOND_PRODUCT = {"shirt": "tie", "scarf": "shirt", "tie": "scarf"}
 
 
 def book_recipe(theme: npt.ArrayLike, seed: int, number: int, size: int) -> Recipe:
-    """Return the recipe of one pattern of a book: everything about it is drawn by chance, but the season,
-    which goes by turns.
+    """Draw the recipe of one pattern of a book; only its season is not random, but taken in turn.
 
-    Half of the patterns are meant to have thick strokes, and half to show the theme; what came of it is
-    measured.
+    Half of the recipes aim at thick strokes, and half at a theme that shows. :func:`measure` finds the kind
+    that resulted.
 
     Parameters
     ----------
     theme : (H, W[, C]) array_like
     seed : int
-        Of the whole book.
+        Seed of the whole book.
     number : int
-        Of the pattern, from 1.
+        Number of the pattern, from 1.
     size : int
-        Elements of a motif's side, even.
+        Side of a motif, in elements; even.
 
     Returns
     -------
@@ -88,15 +85,15 @@ def book_recipe(theme: npt.ArrayLike, seed: int, number: int, size: int) -> Reci
     rng = np.random.default_rng([seed, number])
     season = palette(SEASONS[number % len(SEASONS)], 6)
     thick, shown = bool(rng.integers(2)), bool(rng.integers(2))
-    layers = int(rng.integers(2, 4 if shown else 5))  # on one place more inks than three turn black
+    layers = int(rng.integers(2, 4 if shown else 5))  # more than three inks on one place turn black
     inks = season.inks[rng.permutation(6)[:layers]]
     repeat = str(rng.choice(_REPEATS[:6] if shown else _REPEATS))
-    # In proportion to the brightness, what is black is closed to strokes: they draw the theme's outline. Less
-    # than the whole of it lets them out, and it is not recognised.
+    # With conductivity in proportion to brightness and full strength, black parts keep strokes out, so that
+    # strokes draw the theme's outline. A lower strength lets them in, and the theme is not recognised.
     hint = float(rng.uniform(0.05, 0.35))
     strength = 1.0 if shown else hint
-    # Ink goes where the theme has less: a dark sign on light ground is drawn in ink, a light one on dark
-    # ground too.
+    # Ink goes to the smaller part: a dark sign on light ground is drawn in ink, and so is a light sign on a
+    # dark one.
     if unpack_base(pack_base(theme)).mean() > 0.5:
         strength = -strength
     few, many = (1, 4), (4, 10)
@@ -132,7 +129,7 @@ def book_recipe(theme: npt.ArrayLike, seed: int, number: int, size: int) -> Reci
 def _inside(
     theme: npt.ArrayLike, strength: float, count: int, rng: np.random.Generator
 ) -> list[tuple[float, float]]:
-    """Return places in [0, 1], the likelier the better the theme conducts there."""
+    """Draw places in [0, 1], with probabilities that grow with the theme's conductivity."""
     base = unpack_base(pack_base(theme))
     weight = nominal_conductivity(base, strength, base.shape).ravel() ** 4
     chosen = rng.choice(weight.size, count, p=weight / weight.sum())
@@ -144,7 +141,7 @@ def _inside(
 
 
 def choose(rows: Sequence[dict[str, Any]]) -> list[tuple[dict[str, Any], str]]:
-    """Choose for each season and product a pattern of the kind that suits it, a different one for each.
+    """Choose a pattern of a fitting kind for each season and product, each pattern at most once.
 
     Parameters
     ----------
@@ -160,7 +157,7 @@ def choose(rows: Sequence[dict[str, Any]]) -> list[tuple[dict[str, Any], str]]:
     chosen = []
     for season in SEASONS:
         left = [row for row in rows if row["season"] == season]
-        for product, kinds in FITTING.items():
+        for product, kinds in FITTING_KINDS.items():
             if left:
                 order = [str(kind) for kind in kinds]
                 best = min(left, key=lambda row: (order.index(row["kind"]), -row["layers"], row["number"]))

@@ -1,13 +1,13 @@
-"""The last of a line that shows where motifs meet.
+"""Smoothing of the borders of motifs after optimisation, so that no line shows where they meet.
 
-A border may be more conspicuous than what lies inside by chance alone, if no stroke or a thick one happens to
-lie there. Where it is (`border_visibility` above 1), the strokes along it are widened or thinned a little:
-the densities are multiplied by a factor that fades out to both sides, with which the row's print is what the
-rows beside it are in the mean.
+A border may be more conspicuous than lines inside by chance, if no stroke or a thick one lies there. Where it
+is (`border_visibility` above 1), the strokes along it are widened or thinned a little: densities are
+multiplied by a factor that fades out to both sides. The factor is chosen so that the mean of the printed rows
+at the border equals that of the rows beside it.
 
-Motifs that lie beside each other in any order and share no border have one more reason to show it: one may
-be darker than the other there, and the step between them is a line. Where it is, the tone of all goes over
-into the mean of all towards the border.
+Motifs that share no border and lie beside each other in any order may also differ in darkness there, and the
+step shows as a line. Where it does, the tone of each motif fades into the mean tone of all towards the
+border.
 """
 
 from __future__ import annotations
@@ -21,67 +21,74 @@ import numpy.typing as npt
 from toposeam.arrays import Floats, Floats32
 from toposeam.colours import LUMA
 from toposeam.motif.ink.mixing import mix
-from toposeam.motif.ink.stroke_edges import beyond, level
+from toposeam.motif.ink.stroke_edges import coverage_beyond, level
 from toposeam.motif.motif import Motif, repeat_densities
 from toposeam.motif.optimise.hexagonal_lattice import tile_size, to_tile
-from toposeam.motif.optimise.layer import THINNEST
+from toposeam.motif.optimise.layer import MIN_DENSITY
 from toposeam.motif.recipe.recipe import Recipe
-from toposeam.motif.symmetry.borders import line_visibility, reach_of
+from toposeam.motif.symmetry.borders import compared_distance, line_visibility
 from toposeam.motif.symmetry.rules import HEXAGONAL, symmetry
 from toposeam.motif.symmetry.tiling import period, tile
 
-#: From a motif's densities to about what is printed of them, on its own elements.
+#: Maps a motif's density to its approximate print on the same elements.
 Print = Callable[[Floats], Floats32]
 
-#: Factors lie within e^±, and this many halvings find one.
-_LARGEST, _HALVINGS = 3.0, 10
-#: Of motifs that join, how often rows and columns take turns.
-_TURNS = 3
-#: Motifs that share no border are evened where it shows more than that in one of this many patterns of 4 × 4.
-_SHOWN, _PATTERNS = 0.85, 64
-#: Such factors lie within e^±, and fade out at this many times the distance of the rows compared.
-_GENTLE, _DEPTH = 0.25, 4
-#: Half the width of what is changed, in units of how far off it is compared, in each round.
-_WIDTHS = (1.0, 1.0, *(3.0,) * 8)
+#: Largest logarithm of a factor on strokes along a border, and bisections that find one.
+_MAX_LOG_FACTOR, _BISECTIONS = 3.0, 10
+#: Passes over rows and columns in turn, for motifs that join.
+_PASSES = 3
+#: Tones are evened out if a border's visibility exceeds this in one of the trial patterns of 4 × 4 motifs.
+_MAX_TONE_VISIBILITY, _TRIAL_PATTERNS = 0.85, 64
+#: Largest logarithm of a factor on tones, small so that motifs keep their character.
+_MAX_LOG_TONE = 0.25
+#: Depth at which factors on tones have faded out, in units of `compared_distance`.
+_TONE_DEPTH = 4
+#: Half the width of the changed band in each round, in units of `compared_distance`: narrow first, then wide.
+_BAND_WIDTHS = (1.0, 1.0, *(3.0,) * 8)
 
 
-def calmed(densities: Sequence[Floats32], recipe: Recipe, make: Callable[[list[Floats32]], Motif]) -> Motif:
-    """Return the motif that `make` gives, of densities whose borders do not show in print.
+def smooth_borders(
+    densities: Sequence[Floats32], recipe: Recipe, make: Callable[[list[Floats32]], Motif]
+) -> Motif:
+    """Smooth the borders of a motif's layers and return the motif whose borders show least.
 
     Parameters
     ----------
     densities : sequence of (h, w) float32 array
-        Of the layers; for hexagonal groups, on the lattice.
+        Density of each layer; for hexagonal groups, on the lattice.
     recipe : Recipe
     make : callable
+        Makes the motif of densities.
     """
     motif = make(list(densities))
     if recipe.repeat == "none":
         return motif
-    best, planes = motif, _visibilities(motif)
+    best, planes = motif, _visibility_table(motif)
     layers, least = list(densities), planes.max()
-    for width in _WIDTHS:
+    for width in _BAND_WIDTHS:
         if least <= 1:
             break
         for axis in np.flatnonzero(planes.max(axis=0) > 1):
-            own = planes[:-1, axis] > 1  # what no layer shows by itself all of them change
+            own = planes[:-1, axis] > 1  # if no layer shows it alone, change all
             for index in np.flatnonzero(own) if own.any() else range(len(layers)):
                 layer = recipe.layers[index]
-                layers[index] = _level(layers[index], int(axis), layer.mass, layer.edge, recipe.repeat, width)
+                layers[index] = _evened_border(
+                    layers[index], int(axis), layer.mass, layer.edge, recipe.repeat, width
+                )
         motif = make(layers)
-        planes = _visibilities(motif)
+        planes = _visibility_table(motif)
         if planes.max() < least:
             best, least = motif, planes.max()
     return best
 
 
-def conspicuous(motif: Motif) -> npt.NDArray[np.float64]:
-    """`border_visibility` of rows and of columns, the largest of all inks and of the composite."""
-    found: Floats = _visibilities(motif).max(axis=0)
+def border_visibilities(motif: Motif) -> npt.NDArray[np.float64]:
+    """Compute the largest `border_visibility` of all inks and the composite, for rows and columns: (2,)."""
+    found: Floats = _visibility_table(motif).max(axis=0)
     return found
 
 
-def _visibilities(motif: Motif) -> Floats:
+def _visibility_table(motif: Motif) -> Floats:
     """Compute `border_visibility` of rows and columns, for each ink and the composite: (n_L + 1, 2)."""
     layers = repeat_densities(motif, period(motif.repeat))
     rows, columns = motif.densities.shape[1:]
@@ -89,43 +96,47 @@ def _visibilities(motif: Motif) -> Floats:
     return np.array([(line_visibility(one, rows), line_visibility(one.T, columns)) for one in planes])
 
 
-def _level(density: Floats32, axis: int, mass: float, edge: str, repeat: str, width: float) -> Floats32:
-    """Return a density half way to where the print along one border is what it is beside it."""
-    bump, before = _bump(density.shape, axis, repeat, width), density.astype(np.float64)
-    (balanced,) = _balanced([before], bump, axis, [partial(_print, edge=edge, repeat=repeat)], repeat)
+def _evened_border(
+    density: Floats32, axis: int, mass: float, edge: str, repeat: str, width: float
+) -> Floats32:
+    """Move a density half way towards one whose print is equal along a border and beside it."""
+    bump, before = _border_weight(density.shape, axis, repeat, width), density.astype(np.float64)
+    (balanced,) = _balance([before], bump, axis, [partial(_print, edge=edge, repeat=repeat)], repeat)
     changed = np.sqrt(balanced * before)
-    with_mass: Floats32 = np.clip(changed * (mass / changed.mean()), THINNEST, 1.0).astype(np.float32)
-    return with_mass
+    scaled: Floats32 = np.clip(changed * (mass / changed.mean()), MIN_DENSITY, 1.0).astype(np.float32)
+    return scaled
 
 
 def _excess(density: Floats, axis: int, printed: Print, repeat: str) -> float:
-    """Compute by how much the print is darker along borders than beside them."""
+    """Compute the mean darkness of the print along borders minus that beside them."""
     field = printed(density)
     side = field.shape[axis]
     mean = tile(field, repeat, period(repeat)).mean(axis=1 - axis, dtype=np.float64)
     border = np.arange(0, len(mean), side)
-    reach = reach_of(side)
+    reach = compared_distance(side)
     line = np.roll(mean, 1) + mean
     beside = np.roll(line, reach) + np.roll(line, -reach)
     return float((line / 2 - beside / 4)[border].mean())
 
 
 def _print(density: Floats, edge: str, repeat: str, at: float | None = None) -> Floats32:
-    """About what is printed of a density, on its own elements, with strokes that end at a level, or at that
-    of equal mass.
+    """Compute the approximate print of a density on its own elements.
+
+    Strokes end at the level `at`, by default that of equal mass.
     """
     field = density.astype(np.float32)
     if repeat in HEXAGONAL:
         field = to_tile(field, repeat, tile_size(len(field)))
     if edge == "soft":
         return field
-    inside = beyond(field, level(field, float(field.mean())) if at is None else at, repeat)
+    inside = coverage_beyond(field, level(field, float(field.mean())) if at is None else at, repeat)
     return inside if edge == "crisp" else inside * field
 
 
-def _bump(shape: tuple[int, ...], axis: int, repeat: str, width: float = 1.0) -> Floats:
-    """1 on the border in the mean, 0 from where it is compared with on, but for what makes it equal along the
-    rule's orbits.
+def _border_weight(shape: tuple[int, ...], axis: int, repeat: str, width: float = 1.0) -> Floats:
+    """Return a weight that is 1 in the mean on the border and falls to 0 at the rows it is compared with.
+
+    The weight is averaged over the rule's orbits.
     """
     h, w = shape
     if repeat in HEXAGONAL:
@@ -137,54 +148,53 @@ def _bump(shape: tuple[int, ...], axis: int, repeat: str, width: float = 1.0) ->
         place = (np.arange(side)[:, np.newaxis] + 0.5) / side
         place = place if axis == 0 else place.T
     away = np.minimum(place, 1 - place) * side
-    bump = 0.5 + 0.5 * np.cos(np.pi * np.clip(away / (width * reach_of(side) + 0.5), 0, 1))
+    bump = 0.5 + 0.5 * np.cos(np.pi * np.clip(away / (width * compared_distance(side) + 0.5), 0, 1))
     spread = symmetry(repeat, (h, w)).mean(np.broadcast_to(bump, (h, w)).astype(np.float64))
     on_border = np.broadcast_to(away <= away.min(), (h, w))
     return spread / float(spread[on_border].mean())
 
 
-def calmed_row(
+def smooth_row_borders(
     fields: Sequence[Floats], edges: Sequence[str], repeat: str, shared: int, given: Sequence[int]
 ) -> list[Floats]:
-    """Smooth one layer of motifs that lie beside each other in any order, so that none shows a border in
-    print.
+    """Smooth the borders of one layer of motifs that lie beside each other in any order.
 
     Parameters
     ----------
     fields : sequence of (h, w) float array
         The layer's density in each motif.
     edges : sequence of str
-        How its strokes end in each, of `EDGES`.
+        Stroke edges of the layer in each motif, of `EDGES`.
     repeat : str
-        The rule of all.
+        The rule by which all motifs repeat.
     shared : int
-        Rows and columns along the border that are the same in all motifs, and are left so: one factor serves
-        all there, and what is left to do for a motif is done beside them.
+        Number of rows and columns along the border that are equal in all motifs. They stay equal: all motifs
+        have the same factor there, and further factors of one motif lie beside them.
     given : sequence of int
-        Which motifs were there first: side by side all whose strokes end alike are printed with one level,
-        which is taken from these, so that those that come later change nothing.
+        Indices of the motifs of the first stage. All motifs of the same edges are printed with one level,
+        which is taken from these motifs, so that motifs of later stages do not change it.
     """
     row = list(fields)
-    for axis in (0, 1) * _TURNS:
+    for axis in (0, 1) * _PASSES:
         prints = _prints(row, edges, repeat, given)
-        on, beside = _bump(row[0].shape, axis, repeat), _beside(row[0].shape, axis, shared)
+        on, beside = _border_weight(row[0].shape, axis, repeat), _beside_weight(row[0].shape, axis, shared)
         each = list(zip(row, prints, strict=True))
         if shared:
-            row = _balanced(row, on, axis, prints, repeat)
+            row = _balance(row, on, axis, prints, repeat)
             each = list(zip(row, prints, strict=True))
-            row = [_balanced([one], -beside, axis, [own], repeat)[0] for one, own in each]
+            row = [_balance([one], -beside, axis, [own], repeat)[0] for one, own in each]
             continue
-        row = [_balanced([one], on, axis, [own], repeat)[0] for one, own in each]
+        row = [_balance([one], on, axis, [own], repeat)[0] for one, own in each]
         tones = _Tones(axis, prints)
-        if tones.shown(row, given) > _SHOWN:
-            row = tones.evened(row, given)
+        if tones.visibility(row, given) > _MAX_TONE_VISIBILITY:
+            row = tones.even_out(row, given)
             each = list(zip(row, prints, strict=True))
-            row = [_balanced([one], on, axis, [own], repeat)[0] for one, own in each]
+            row = [_balance([one], on, axis, [own], repeat)[0] for one, own in each]
     return row
 
 
 def _prints(row: list[Floats], edges: Sequence[str], repeat: str, given: Sequence[int]) -> list[Print]:
-    """Return the print of every motif of a row."""
+    """Return the function that prints each motif of a row."""
     levels = {}
     for edge in set(edges):
         alike = [index for index, kind in enumerate(edges) if kind == edge]
@@ -205,25 +215,26 @@ class _Tones:
         mean: Floats = self._prints[index](density).mean(axis=1 - self._axis, dtype=np.float64)
         return mean
 
-    def shown(self, row: list[Floats], given: Sequence[int]) -> float:
-        """Compute the visibility of borders, the greatest in some patterns of some motifs."""
+    def visibility(self, row: list[Floats], given: Sequence[int]) -> float:
+        """Compute the largest visibility of borders in random patterns of the given motifs."""
         tones = np.stack([self.of(row[index], index) for index in given])
         rng = np.random.default_rng(0)
-        grids = rng.integers(len(given), size=(_PATTERNS, 4, 4))
+        grids = rng.integers(len(given), size=(_TRIAL_PATTERNS, 4, 4))
         side = tones.shape[1]
         return max(line_visibility(tones[grid].mean(axis=1).reshape(-1, 1), side) for grid in grids)
 
-    def evened(self, row: list[Floats], given: Sequence[int]) -> list[Floats]:
-        """Return densities multiplied by a little, with which all are nearer to the mean tone of some where
-        they meet: first where a line is compared with, then on it.
+    def even_out(self, row: list[Floats], given: Sequence[int]) -> list[Floats]:
+        """Move the tones of all motifs at their borders towards the mean tone of the given ones.
+
+        This is done first for the rows that the border is compared with, then for the border itself.
         """
         side = row[0].shape[self._axis]
-        reach = reach_of(side)
+        reach = compared_distance(side)
         tones = np.stack([self.of(row[index], index) for index in given])
         wanted = float(np.concatenate([tones[:, : reach + 1], tones[:, -reach - 1 :]], axis=1).mean())
         result = row
         for place in (np.arange(side), np.arange(side)[::-1]):
-            deep = np.clip((place - reach) / ((_DEPTH - 1) * reach), 0, 1)
+            deep = np.clip((place - reach) / ((_TONE_DEPTH - 1) * reach), 0, 1)
             for lines, away in (((place == reach) | (place == reach - 1), deep), (place == 0, place / reach)):
                 factor = 0.5 + 0.5 * np.cos(np.pi * np.clip(away, 0, 1))
                 bump = factor[:, np.newaxis] if self._axis == 0 else factor[np.newaxis]
@@ -233,49 +244,48 @@ class _Tones:
     def _nearer(
         self, density: Floats, index: int, bump: Floats, lines: npt.NDArray[np.bool_], wanted: float
     ) -> Floats:
-        """Return a density multiplied by the power of a bump with which some lines have the tone that is
-        wanted.
-        """
-        return _multiplied(
-            [density], bump, _GENTLE, lambda row: self.of(row[0], index)[lines].mean() - wanted
+        """Return a density times e to a multiple of a weight, so that some lines have the wanted tone."""
+        return _scale_until_even(
+            [density], bump, _MAX_LOG_TONE, lambda row: self.of(row[0], index)[lines].mean() - wanted
         )[0]
 
 
-def _balanced(
+def _balance(
     row: list[Floats], bump: Floats, axis: int, prints: Sequence[Print], repeat: str
 ) -> list[Floats]:
-    """Return densities multiplied by one factor to the power of a bump, with which the print along the
-    borders is that beside them in the mean over all.
+    """Return densities times e to a common multiple of a weight, so that the mean print of all is equal along
+    the borders and beside them.
     """
-    return _multiplied(
+    return _scale_until_even(
         row,
         bump,
-        _LARGEST,
+        _MAX_LOG_FACTOR,
         lambda changed: sum(
             _excess(one, axis, own, repeat) for one, own in zip(changed, prints, strict=True)
         ),
     )
 
 
-def _multiplied(
+def _scale_until_even(
     row: list[Floats], bump: Floats, largest: float, excess: Callable[[list[Floats]], float]
 ) -> list[Floats]:
-    """Return densities times e to the power of a bump, by a factor within ± `largest` with which an excess,
-    which grows with it, is about 0.
+    """Return densities times exp(s · `bump`), with s within ± `largest` such that `excess` is about 0.
+
+    `excess` must grow with s.
     """
     low, high = -largest, largest
-    for _ in range(_HALVINGS):
+    for _ in range(_BISECTIONS):
         power = (low + high) / 2
-        changed = [np.clip(one * np.exp(power * bump), THINNEST, 1.0) for one in row]
+        changed = [np.clip(one * np.exp(power * bump), MIN_DENSITY, 1.0) for one in row]
         low, high = (power, high) if excess(changed) < 0 else (low, power)
     return changed
 
 
-def _beside(shape: tuple[int, ...], axis: int, shared: int) -> Floats:
-    """1 on the rows that a border is compared with, 0 on it and on those that are shared."""
+def _beside_weight(shape: tuple[int, ...], axis: int, shared: int) -> Floats:
+    """Return a weight that is 1 on the rows that a border is compared with, and 0 on shared rows."""
     side = shape[axis]
     away = np.minimum(np.arange(side), np.arange(side)[::-1]) + 0.5
-    reach = reach_of(side)
+    reach = compared_distance(side)
     line = np.cos(np.pi / 2 * np.clip((away - 0.5 - reach) / max(reach + 0.5 - shared, 1), -1, 1)) ** 2
     line[away < shared] = 0
     inside = np.zeros(shape)

@@ -1,4 +1,4 @@
-"""From a size and a seed, or a recipe, to a motif."""
+"""Generation of a motif, from a size and a seed or from a recipe."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ from toposeam.checks import (
 )
 from toposeam.errors import OptionError, Term
 from toposeam.heat.threads import one_thread
-from toposeam.motif.border_smoothing import calmed
+from toposeam.motif.border_smoothing import smooth_borders
 from toposeam.motif.ink.palettes import PALETTES, Palette, palette
-from toposeam.motif.ink.stroke_repair import mended
+from toposeam.motif.ink.stroke_repair import repair_strokes
 from toposeam.motif.motif import Motif
 from toposeam.motif.optimise.conduction import nominal_conductivity
 from toposeam.motif.optimise.hexagonal_lattice import tile_size, to_tile
 from toposeam.motif.optimise.layer import Step, optimise_layer, plan
-from toposeam.motif.optimise.spots import Points, placed_around, spots
-from toposeam.motif.recipe.recipe import LARGEST, LAWS, SMALLEST, LayerRecipe, Recipe, pack_base, unpack_base
+from toposeam.motif.optimise.spots import Points, place_around, spots
+from toposeam.motif.recipe.recipe import LAWS, MAX_SIDE, MIN_SIDE, LayerRecipe, Recipe, pack_base, unpack_base
 from toposeam.motif.symmetry.rules import HEXAGONAL, check_repeat
 
 #: Share of random layers that are ink wash.
-_WASH = 0.15
+_WASH_SHARE = 0.15
 
-#: Layers whose penalty exponent is at least this are strokes, others are ink wash.
-_STROKES = 1.75
+#: Least penalty exponent of a layer that is drawn in strokes; below, it is ink wash.
+_MIN_STROKE_PENALTY = 1.75
 
 
 class RecipeKeywords(TypedDict, total=False):
@@ -71,16 +71,16 @@ def generate_motif(
     progress: Callable[[float], None] | None = None,
     **options: Unpack[RecipeKeywords],
 ) -> Motif:
-    """Invent a motif.
+    """Generate a motif by heat conduction.
 
     Parameters
     ----------
     source : int, (rows, columns) or Recipe
-        The cell's size, or a recipe, which decides everything.
+        The cell's size in elements, or a recipe, which fixes every parameter.
     progress : callable, optional
         Called with the share done, in [0, 1].
     **options
-        Those of :func:`random_recipe`; only with a size.
+        Options of :func:`random_recipe`; only with a size.
 
     Returns
     -------
@@ -135,15 +135,17 @@ def generate_motif(
 
         with one_thread():
             density, steps = optimise_layer(layer, recipe, report)
-        densities.append(mended(density, recipe.repeat, layer.mass) if recipe.filter_radius else density)
+        densities.append(
+            repair_strokes(density, recipe.repeat, layer.mass) if recipe.filter_radius else density
+        )
         history.append(steps)
-    return calmed(densities, recipe, lambda layers: make_motif(recipe, layers, history))
+    return smooth_borders(densities, recipe, lambda layers: make_motif(recipe, layers, history))
 
 
 def make_motif(
     recipe: Recipe, densities: list[npt.NDArray[np.float32]], history: list[tuple[Step, ...]]
 ) -> Motif:
-    """Put the layers of a recipe together."""
+    """Make a motif of a recipe and the densities of its layers."""
     layers, lattice = np.stack(densities), None
     if recipe.repeat in HEXAGONAL:
         lattice = layers
@@ -182,7 +184,7 @@ def random_recipe(
     base_law: str = "contrast",
     palette: str | Palette | npt.ArrayLike | None = None,
 ) -> Recipe:
-    """Return a recipe in which everything not given is drawn from the seed.
+    """Return a recipe; every parameter that is not given is drawn at random.
 
     Parameters
     ----------
@@ -192,9 +194,9 @@ def random_recipe(
     repeat : str
         One of `REPEATS`.
     seed : int, Generator or None
-        The recipe keeps the whole number.
+        Seed of the random parameters. The recipe keeps it as a whole number.
     sources, sinks : int or (n, 2 or 3) array_like, or one of these per layer
-        How many, or where: x, y in [0, 1] of the cell and, if given, a strength.
+        Their number, or their places: x and y in [0, 1] of the cell, and optionally a strength.
     distance : float
         Distance from each sink to a source, as a share of the cell's shorter side.
     strengths : (low, high)
@@ -204,17 +206,17 @@ def random_recipe(
     mass, penalty : float or one per layer
         Mean density, and the exponent p (1 for ink wash).
     edge : str or one per layer
-        How strokes end in print, one of `EDGES`; "soft" for ink wash and "crisp" for strokes without it.
+        Stroke edges in print, of `EDGES`; by default "soft" for ink wash and "crisp" for strokes.
     iterations, move, filter_radius, coarse
         See :class:`Recipe`.
     base : (H, W) or (H, W, C) array_like
         A logo, a symbol or a photograph that shapes the strokes.
     base_strength : float
-        How strongly it shows, -1 to 1.
+        Influence of the base image, -1 to 1; see :class:`Recipe`.
     base_law : str
         One of `LAWS`.
     palette : str, Palette or picture
-        Colours; a random named palette without it.
+        Colours; by default a random named palette.
 
     Raises
     ------
@@ -245,18 +247,19 @@ def random_recipe(
     check_range(-1, 1, base_strength=base_strength)
     check_choice("base_law", base_law, LAWS)
     packed = "" if base is None else pack_base(base)
-    shown = _shown(packed, base_strength, base_law) if packed and repeat not in HEXAGONAL else None
+    shown = (
+        _base_conductivity(packed, base_strength, base_law) if packed and repeat not in HEXAGONAL else None
+    )
     recipes = []
     for index in range(layers):
-        # Everything is drawn whether it is used or not, so that giving one parameter leaves the others as
-        # they were.
+        # Draw every parameter, used or not, so that giving one does not change the others.
         draw = rng.spawn(1)[0]
         many, few = int(draw.integers(3, 10)), int(draw.integers(2, 7))
         drawn_mass, drawn_ambient = float(draw.uniform(0.14, 0.34)), 0.97 - 0.5 * float(draw.random()) ** 2
-        drawn_penalty = float(draw.uniform(1.0, 1.3)) if draw.random() < _WASH else 3.0
+        drawn_penalty = float(draw.uniform(1.0, 1.3)) if draw.random() < _WASH_SHARE else 3.0
         aspect = shape[1] / shape[0]
         given = spots(
-            _of_layer(sources, index, layers, "sources"),
+            _layer_points(sources, index, layers, "sources"),
             draw,
             many,
             (low, high),
@@ -266,11 +269,18 @@ def random_recipe(
             shown,
         )
         drains = spots(
-            _of_layer(sinks, index, layers, "sinks"), draw, few, (low, high), aspect, "sinks", repeat, shown
+            _layer_points(sinks, index, layers, "sinks"),
+            draw,
+            few,
+            (low, high),
+            aspect,
+            "sinks",
+            repeat,
+            shown,
         )
         if distance is not None:
             check_range(0, 1, above=True, distance=distance)  # of the cell's shorter side
-            drains = placed_around(given, drains, distance, draw, shape)
+            drains = place_around(given, drains, distance, draw, shape)
         exponent = _number(penalty, index, layers, drawn_penalty, "penalty")
         recipes.append(
             LayerRecipe(
@@ -301,7 +311,7 @@ def random_recipe(
 
 def _shape(size: Any) -> tuple[int, int]:
     sides = (size, size) if isinstance(size, int | np.integer) else size
-    return check_pair("size", None if isinstance(sides, str) else sides, SMALLEST, LARGEST)
+    return check_pair("size", None if isinstance(sides, str) else sides, MIN_SIDE, MAX_SIDE)
 
 
 def _inks(choice: str | Palette | npt.ArrayLike | None, layers: int, rng: np.random.Generator) -> Palette:
@@ -321,8 +331,8 @@ def _inks(choice: str | Palette | npt.ArrayLike | None, layers: int, rng: np.ran
     return palette(drawn if choice is None else choice, layers)
 
 
-def _of_layer(value: Any, index: int, layers: int, name: str) -> Points | None:
-    """Select one layer's part of a value that may be given once or per layer."""
+def _layer_points(value: Any, index: int, layers: int, name: str) -> Points | None:
+    """Return the value for one layer, of a value that is given once or per layer."""
     if value is None or isinstance(value, int | np.integer):
         return None if value is None else int(value)
     items = list(check_items(name, value, object, "points, or points for each layer"))
@@ -367,7 +377,7 @@ def _number(value: float | Sequence[float] | None, index: int, layers: int, draw
 
 def _edge(value: str | Sequence[str] | None, index: int, layers: int, penalty: float) -> str:
     if value is None:
-        return "crisp" if penalty >= _STROKES else "soft"
+        return "crisp" if penalty >= _MIN_STROKE_PENALTY else "soft"
     several = [value] * layers if isinstance(value, str) else value
     values = check_items("edge", several, str, "a text, or one for each layer")
     if len(values) != layers:
@@ -382,7 +392,7 @@ def _edge(value: str | Sequence[str] | None, index: int, layers: int, penalty: f
     return str(values[index])
 
 
-def _shown(packed: str, strength: float, law: str) -> npt.NDArray[np.float64]:
-    """Nominal conductivities on the base image's own grid."""
+def _base_conductivity(packed: str, strength: float, law: str) -> npt.NDArray[np.float64]:
+    """Compute the nominal conductivities of a packed base image on its own grid."""
     brightness = unpack_base(packed)
     return nominal_conductivity(brightness, strength, (brightness.shape[0], brightness.shape[1]), law)

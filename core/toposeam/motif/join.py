@@ -9,8 +9,8 @@ with a mass bound each, f being the thermal compliance. The compound motif AB ha
 alternating in both directions, so that every border of one meets one of the other. Of more than two motifs,
 every pair is a compound.
 
-*Stages.* The motifs of the stage before are fixed, and new ones are generated between each and the next:
-their sources and sinks are those of both, in proportion, they start as a blend of both, and form compounds
+*Stages.* A further stage fixes the motifs there are, and generates new ones between neighbours. A new motif
+has the sources and sinks of both neighbours, in proportion; it starts as a blend of both, and forms compounds
 with both.
 """
 
@@ -28,19 +28,25 @@ from toposeam.checks import check_function, check_items, check_kind, check_range
 from toposeam.display import to_png
 from toposeam.errors import OptionError, Term
 from toposeam.motif.arrangement import arrange
-from toposeam.motif.border_smoothing import calmed_row
+from toposeam.motif.border_smoothing import smooth_row_borders
 from toposeam.motif.generate import make_motif
-from toposeam.motif.ink.stroke_repair import mended
+from toposeam.motif.ink.stroke_repair import repair_strokes
 from toposeam.motif.motif import Motif
 from toposeam.motif.optimise.compound import JoinOptions, Member, generate_row
 from toposeam.motif.optimise.layer import plan
 from toposeam.motif.recipe.recipe import LayerRecipe, Point, Recipe
-from toposeam.motif.symmetry.borders import BESIDE_STROKES, FADE, border_visibility, faded, with_mass
+from toposeam.motif.symmetry.borders import (
+    BESIDE_STROKES,
+    FADE,
+    border_visibility,
+    fade_to_mean,
+    restore_mass,
+)
 
 #: Rules under which a motif joins itself on all four sides by translation.
 _JOINABLE = ("translate", "p1")
-#: Width of the border that motifs share, as a share of the cell's shorter side.
-_SHARED = 0.03
+#: Default width of the border that motifs share, as a share of the cell's shorter side.
+_SHARED_BORDER = 0.03
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -56,10 +62,9 @@ class JoinedMotifs:
     2
     """
 
-    #: In the order of the row. A motif's recipe holds its own conditions; all of them, joined again, make the
-    #: same bytes.
+    #: The motifs in the order of the row. Joining their recipes again makes the same bytes.
     motifs: tuple[Motif, ...]
-    #: The stage each was made in, from 1.
+    #: The stage in which each motif was made, from 1.
     stages: tuple[int, ...]
     #: Weight w of the compound motifs.
     weight: float
@@ -69,14 +74,12 @@ class JoinedMotifs:
         return tuple(motif for motif, made in zip(self.motifs, self.stages, strict=True) if made <= stage)
 
     def mismatch(self, stage: int | None = None) -> float:
-        """Return mean border mismatch of the motifs that are next to each other in the row after a stage (the
-        last without one).
-        """
+        """Return the mean border mismatch of neighbours in the row after a stage, by default the last one."""
         row = self.at_stage(max(self.stages) if stage is None else stage)
         return float(np.mean([border_mismatch(a, b) for a, b in pairwise(row)]))
 
     def visibility(self) -> float:
-        """Visibility of the borders in a pattern of all of them: :func:`border_visibility`."""
+        """Compute the :func:`border_visibility` of a random pattern of all motifs."""
         laid = arrange(self.motifs, (4, 4), seed=0)
         return border_visibility(laid.image(), self.motifs[0].densities.shape[1:])
 
@@ -160,17 +163,18 @@ def join_motifs(
     Parameters
     ----------
     recipes : sequence of Recipe
-        Two at least, which differ only in their layers' sources, sinks, ambient heat, mass and penalty, and
-        in seed and base image.
+        At least two. They may differ only in seed, base image, and their layers' sources, sinks, ambient
+        heat, mass and penalty.
     weight : float
-        w in [0, 1]: 0 makes each on its own, 1 looks at the compound motifs only.
+        w in [0, 1]: with 0 every motif is optimised alone, with 1 only the compound motifs count.
     stages : int
-        1 for the motifs themselves; each further stage puts new ones between neighbours.
+        1 for one motif per recipe; each further stage puts new motifs between neighbours.
     between : int
-        How many new motifs a stage puts between two.
+        Number of new motifs that a stage puts between two neighbours.
     shared : int
-        Elements along the border that are the same in all motifs, so that any may lie beside any; 3 % of the
-        cell without it. 0 is the thesis's way: the compound motifs alone make the borders alike.
+        Width, in elements, of a border that is equal in all motifs, so that any motif may lie beside any
+        other; by default 3 % of the cell. With 0, as in the thesis, only the compound motifs make borders
+        alike.
     progress : callable, optional
         Called with the share done, in [0, 1].
 
@@ -195,8 +199,8 @@ def join_motifs(
     check_function("progress", progress)
     recipes = check_items("recipes", recipes, Recipe, "a sequence of Recipes")
     if shared is None:
-        shared = max(1, round(_SHARED * min(recipes[0].size))) if recipes else 1
-    _check(recipes, weight, stages, between, shared)
+        shared = max(1, round(_SHARED_BORDER * min(recipes[0].size))) if recipes else 1
+    _check_recipes(recipes, weight, stages, between, shared)
     first = recipes[0]
     per_stage = sum(count for _, count in plan(first)) * len(first.layers)
     done = 0
@@ -219,7 +223,7 @@ def join_motifs(
             longer.append(right)
         row = longer
         generate_row(row, options)
-    layers = [_without_lines(row, layer, shared, weight) for layer in range(len(first.layers))]
+    layers = [_finish_layer(row, layer, shared, weight) for layer in range(len(first.layers))]
     motifs = [
         make_motif(member.recipe, [layer[index] for layer in layers], member.history)
         for index, member in enumerate(row)
@@ -227,11 +231,10 @@ def join_motifs(
     return JoinedMotifs(motifs=tuple(motifs), stages=tuple(member.stage for member in row), weight=weight)
 
 
-def _without_lines(
-    row: list[Member], layer: int, shared: int, weight: float
-) -> list[npt.NDArray[np.float32]]:
-    """Return one layer of all members, without a line along their borders; members that know nothing of each
-    other as they are.
+def _finish_layer(row: list[Member], layer: int, shared: int, weight: float) -> list[npt.NDArray[np.float32]]:
+    """Return one layer of all members, with repaired strokes and with borders that do not show.
+
+    Borders are left unchanged if members were optimised alone and share none.
     """
     found = []
     for member in row:
@@ -239,7 +242,7 @@ def _without_lines(
         density, recipe, alone = member.densities[layer], member.recipe, weight == 0 and shared == 0
         if recipe.filter_radius:
             kept = 0 if alone else max(shared, 1)
-            density = mended(density, recipe.repeat, recipe.layers[layer].mass, kept)
+            density = repair_strokes(density, recipe.repeat, recipe.layers[layer].mass, kept)
         found.append(density.astype(np.float64))
     if weight == 0 and shared == 0:
         return [one.astype(np.float32) for one in found]
@@ -247,24 +250,24 @@ def _without_lines(
     masses = [member.recipe.layers[layer].mass for member in row]
     edges = [member.recipe.layers[layer].edge for member in row]
     if shared and "soft" in edges:
-        soft = faded(np.stack(found), shared, FADE if set(edges) == {"soft"} else BESIDE_STROKES)
+        soft = fade_to_mean(np.stack(found), shared, FADE if set(edges) == {"soft"} else BESIDE_STROKES)
         found = [soft[index] if edge == "soft" else found[index] for index, edge in enumerate(edges)]
     given = [index for index, member in enumerate(row) if member.stage == 1]
-    for _ in range(2):  # the mass changes the level at which strokes end a little
-        found = calmed_row(found, edges, first.repeat, shared, given)
-        found = [with_mass(one, mass) for one, mass in zip(found, masses, strict=True)]
+    for _ in range(2):  # correcting the mass changes the level at which strokes end a little
+        found = smooth_row_borders(found, edges, first.repeat, shared, given)
+        found = [restore_mass(one, mass) for one, mass in zip(found, masses, strict=True)]
     return [one.astype(np.float32) for one in found]
 
 
 def _blend(a: Recipe, b: Recipe, share: float) -> Recipe:
-    """Return the conditions between two recipes: the sources and sinks of both, in proportion."""
+    """Return a recipe between two others, with the sources and sinks of both in proportion."""
     layers = []
     for one, two in zip(a.layers, b.layers, strict=True):
         layers.append(
             LayerRecipe(
                 ink=one.ink,
-                sources=_weighted(one.sources, 1 - share) + _weighted(two.sources, share),
-                sinks=_weighted(one.sinks, 1 - share) + _weighted(two.sinks, share),
+                sources=_scaled_points(one.sources, 1 - share) + _scaled_points(two.sources, share),
+                sinks=_scaled_points(one.sinks, 1 - share) + _scaled_points(two.sinks, share),
                 ambient=(1 - share) * one.ambient + share * two.ambient,
                 mass=(1 - share) * one.mass + share * two.mass,
                 penalty=(1 - share) * one.penalty + share * two.penalty,
@@ -275,17 +278,17 @@ def _blend(a: Recipe, b: Recipe, share: float) -> Recipe:
     return replace(a, layers=tuple(layers))
 
 
-def _weighted(points: tuple[Point, ...], share: float) -> tuple[Point, ...]:
+def _scaled_points(points: tuple[Point, ...], share: float) -> tuple[Point, ...]:
     total = sum(strength for *_, strength in points)
     return tuple((x, y, share * strength / total) for x, y, strength in points if total > 0)
 
 
-def _check(recipes: Sequence[Recipe], weight: float, stages: int, between: int, shared: int) -> None:
+def _check_recipes(recipes: Sequence[Recipe], weight: float, stages: int, between: int, shared: int) -> None:
     if len(recipes) < 2:
         raise OptionError(
             "{count} recipes were given; join at least two motifs", kind="count", count=len(recipes)
         )
-    check_range(0, 1, weight=weight)  # 0: each on its own, 1: compound motifs only
+    check_range(0, 1, weight=weight)  # 0: every motif alone, 1: compound motifs only
     check_whole("stages", stages, 1, 10)
     check_whole("between", between, 1, 10)
     check_whole("shared", shared, 0, min(recipes[0].size))

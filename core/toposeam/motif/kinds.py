@@ -16,15 +16,15 @@ from toposeam.colours import LUMA
 from toposeam.errors import ImageError, Term
 from toposeam.images import as_float
 
-#: Strokes wider than this share of the motif's shorter side are thick: where, looking at some hundred motifs,
-#: lines turn into areas.
+#: Least width of thick strokes, as a share of the motif's shorter side: in some hundred motifs, wider lines
+#: were seen as areas.
 THICK = 0.09
-#: From this overlap of the two silhouettes on, the base image is recognised by people who have not seen it.
-#: Of 32 motifs round a leaf, the 16 with 0.60 and more were named at sight, those with 0.50 and less not.
+#: Least overlap of the silhouettes of motif and base image at which the latter is recognised by people who do
+#: not know it. Of 32 motifs of a leaf, the 16 with 0.60 and more were named at sight, those up to 0.50 not.
 CLEAR = 0.55
 
-#: Standard deviation of the blur before silhouettes are taken, as a share of the motif's shorter side: closes
-#: what lies between strokes, as the eye does that sees a half-tone.
+#: Standard deviation of the blur before silhouettes are taken, as a share of the motif's shorter side: it
+#: closes the gaps between strokes, as the eye does with a half-tone.
 _BLUR = 0.02
 
 
@@ -38,7 +38,7 @@ class Kind(StrEnum):
 
     @property
     def words(self) -> str:
-        """Meaning of the letter."""
+        """Description of the kind."""
         return _WORDS[self]
 
 
@@ -52,7 +52,7 @@ _WORDS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Character:
-    """Measurements of a motif."""
+    """Measured stroke width and likeness of a motif."""
 
     #: Mean width of its strokes as a share of the shorter side.
     stroke: float
@@ -71,18 +71,18 @@ class Character:
 def measure(image: npt.ArrayLike, base: npt.ArrayLike | None = None) -> Character:
     """Measure a motif's picture.
 
-    Strokes are what is darker than Otsu's threshold (1979, doi:10.1109/TSMC.1979.4310076). Within a strip of
-    width w the distance to its border is w / 4 on average, so four times that average is the width; wide
-    strokes count by their area.
+    Strokes are the pixels darker than Otsu's threshold (1979, doi:10.1109/TSMC.1979.4310076). Within a strip
+    of width w the distance to its border is w / 4 on average, so the width is four times that average, with
+    strokes weighted by their area.
 
-    The likeness is that of silhouettes: what the motif, blurred a little, and the base image have on one side
-    of their thresholds, as the area in both divided by the area in either (Jaccard's index). The base image's
-    silhouette is the smaller of its two sides, the motif's the side that overlaps it better.
+    The likeness is Jaccard's index of two silhouettes: the area of their intersection divided by that of
+    their union. Otsu's threshold divides each picture, the motif slightly blurred, into a dark and a light
+    side. The base image's silhouette is its smaller side, the motif's the side that overlaps it better.
 
     Parameters
     ----------
     image : (H, W[, 3]) array_like
-        The motif; it is taken to repeat.
+        The motif, taken to repeat by translation.
     base : (H, W[, 3]) array_like, optional
         The base image, of the same size.
 
@@ -94,12 +94,12 @@ def measure(image: npt.ArrayLike, base: npt.ArrayLike | None = None) -> Characte
     brightness = _brightness(as_float(image))
     height, width = brightness.shape
     strokes = _dark(brightness)
-    # One copy all round closes the strokes across the border.
+    # Half a copy on every side continues strokes across the border.
     around = np.pad(strokes, [(height // 2, height // 2), (width // 2, width // 2)], mode="wrap")
     distance = ndimage.distance_transform_edt(around)[
         height // 2 : height // 2 + height, width // 2 : width // 2 + width
     ]
-    # Distances are to the centres of pixels outside: half a pixel more than to the border.
+    # Distances are measured to the centres of pixels outside, half a pixel beyond the border.
     stroke_px = 4.0 * float(np.maximum(distance[strokes] - 0.5, 0.25).mean()) if strokes.any() else 0.0
     likeness = 0.0
     if base is not None:
@@ -124,7 +124,7 @@ def _brightness(image: npt.NDArray[np.float32]) -> Floats:
 
 
 def _dark(values: Floats) -> npt.NDArray[np.bool_]:
-    """Threshold an image by Otsu's method: True where it is darker; nothing of an even picture."""
+    """Threshold an image by Otsu's method: True where it is darker; False everywhere on an even image."""
     from skimage.filters import threshold_otsu
 
     if np.ptp(values) < 1e-9:
@@ -134,7 +134,7 @@ def _dark(values: Floats) -> npt.NDArray[np.bool_]:
 
 
 def _overlap(dark: npt.NDArray[np.bool_], base: npt.NDArray[np.bool_]) -> float:
-    """Jaccard's index of the smaller side of a base image with the side of a motif that has more of it."""
+    """Compute Jaccard's index of the smaller side of a base image and the better side of a motif."""
     shape = base if base.mean() <= 0.5 else ~base
     if not shape.any():
         return 0.0

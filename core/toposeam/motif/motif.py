@@ -33,18 +33,18 @@ class Motif(Inked):
     ((2, 16, 16), 'p4m')
     """
 
-    #: (n_L, H, W) float32 in [0, 1]: one layer of ink each, on the cell that `repeat` arranges. Hexagonal
-    #: groups are arranged by the rectangle of 1 × √3 cells.
+    #: (n_L, H, W) float32 in [0, 1]: density of each layer of ink on the cell that `repeat` arranges; for
+    #: hexagonal groups, on a rectangle of 1 × √3 cells.
     densities: npt.NDArray[np.float32]
     #: (n_L, 3) sRGB in [0, 1].
     inks: npt.NDArray[np.float64]
     #: (3,) sRGB in [0, 1].
     paper: npt.NDArray[np.float64]
-    #: The rule it repeats by, one of `REPEATS`.
+    #: The rule by which the motif repeats, one of `REPEATS`.
     repeat: str
-    #: Makes it again.
+    #: The recipe, which makes the motif again.
     recipe: Recipe
-    #: Per layer, what every iteration did.
+    #: The iterations of each layer.
     history: tuple[tuple[Step, ...], ...]
     #: (n_L, n, n) float32: for hexagonal groups, the densities of the lattice's nodes.
     lattice: npt.NDArray[np.float32] | None = None
@@ -71,7 +71,7 @@ class Motif(Inked):
         return resample(self.densities[layer], self.repeat, size)
 
     def _own_coverage(self) -> npt.NDArray[np.float32]:
-        """Worked out once; it is asked for again and again."""
+        """Return a copy of the cached coverage at the motif's own size."""
         return self._own.copy()
 
     @cached_property
@@ -87,7 +87,7 @@ class Motif(Inked):
 def repeat_densities(
     motif: Motif, counts: tuple[int, int] = (3, 3), *, size: tuple[int, int] | None = None
 ) -> npt.NDArray[np.float32]:
-    """Return the printed layers of a pattern: rows × columns motifs by the motif's own rule.
+    """Return the printed layers of a pattern of rows × columns motifs, arranged by the motif's rule.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def repeat_densities(
     Raises
     ------
     OptionError
-        When there is nothing to arrange, or too much.
+        When a count is below 1, or the pattern has more pixels than `MAX_PATTERN`.
 
     Examples
     --------
@@ -117,7 +117,7 @@ def repeat_densities(
 
 
 def _counts(motif: Motif, counts: Any, size: Any) -> tuple[int, int]:
-    """Return the rows and columns of a pattern, checked, with the size of its motifs."""
+    """Check and return the rows and columns of a pattern."""
     rows, columns = check_pair("counts", counts, 1)
     check_kind("motif", motif, Inked, "a Motif")
     cell = check_pair("size", size, 1) if size is not None else motif.densities.shape[1:]

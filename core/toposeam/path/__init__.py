@@ -1,4 +1,4 @@
-"""Ways for a robot, planned by heat on a plate."""
+"""Ways for a robot, planned by heat conduction on a plate."""
 
 import lazy_loader
 

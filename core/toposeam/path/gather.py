@@ -1,14 +1,16 @@
-r"""Heat led from sources to sinks through an optimised plate (thesis 2.1; Ryu et al., reference 15 there).
+r"""Optimisation of the material that conducts heat from sources to sinks on a plate (thesis 2.1; Ryu et al.,
+reference 15 there).
 
-The plate is the ground a robot can drive on, its obstacles are insulation. Heat is generated where the robot
-starts (2.1) and leaves by convection where it ends; the material that carries it best (2.7) under a mass
-bound (2.8) is the way. The bound falls with the iterations,
+The plate is the ground on which a robot can drive; obstacles are insulation. Heat is generated where the
+robot starts (2.1) and leaves by convection where it ends. The material of least thermal compliance (2.7)
+under a mass bound (2.8) is the way. The bound falls with the iterations,
 
 .. math:: M_0(n) = \max\left(\sum V_e / n^2,\; M_{\min}\right) \qquad (2.9), (2.10)
 
-down to the mass of a straight stroke between the ends, and the exponent p of k = k_0 ρ^p (2.6) grows from 1
-when it is there. With p = 1 the optimum is a flux q of least Σ c|q| for conductivities k_0 = 1/c²: heat takes
-the way of least cost, in any direction, not only along the grid. The larger p then gathers it into a line.
+down to the mass M_min of a straight stroke between the ends. Once it has reached M_min, the exponent p of
+k = k_0 ρ^p (2.6) grows from 1. With p = 1 and conductivities k_0 = 1/c² the optimum is a flux q of least
+Σ c|q|: heat takes the way of least cost, in any direction, not only along the grid. A larger p then gathers
+the material into a line.
 """
 
 from __future__ import annotations
@@ -29,12 +31,12 @@ from toposeam.path.strip import Strip
 
 #: Conductivity of obstacles and of elements without material, relative to the ground's.
 _INSULATION = 1e-6
-#: Convection of a sink element.
+#: Convection of a sink element, relative to the ground's conductivity.
 _CONVECTION = 1.0
-#: On grounds of fewer rows or columns multigrid has no coarser ones.
-_NARROW = 8
-#: Iterations at most.
-_MOST = 10_000
+#: Least rows and columns, px, for which the multigrid solver is used: narrower grounds have no coarser grid.
+_MIN_MULTIGRID_SIDE = 8
+#: Largest number of iterations that an option may ask for.
+_MAX_ITERATIONS = 10_000
 
 
 class PathKeywords(TypedDict, total=False):
@@ -49,7 +51,7 @@ class PathKeywords(TypedDict, total=False):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PathOptions:
-    """How the heat is led.
+    """Options of :func:`toposeam.plan_path`.
 
     Examples
     --------
@@ -67,13 +69,13 @@ class PathOptions:
     sharpen: int = 30
     #: Last penalty exponent.
     penalty: float = 3.0
-    #: Whether the traced way is drawn taut at the end, where a straight line costs no more.
+    #: Replace parts of the traced way by straight lines where these cost no more.
     taut: bool = True
 
     def __post_init__(self) -> None:
         check_range(0, above=True, stroke_px=self.stroke_px)
-        check_whole("gather", self.gather, 1, _MOST)
-        check_whole("sharpen", self.sharpen, 0, _MOST)
+        check_whole("gather", self.gather, 1, _MAX_ITERATIONS)
+        check_whole("sharpen", self.sharpen, 0, _MAX_ITERATIONS)
         check_range(1, 10, penalty=self.penalty)
         check_choice("taut", self.taut, (True, False))
 
@@ -90,7 +92,7 @@ class PathIteration:
     1
     """
 
-    #: Which leg between stopovers, from 1.
+    #: Number of the leg between stopovers, from 1.
     leg: int
     #: Thermal compliance (2.7).
     compliance: float
@@ -99,11 +101,11 @@ class PathIteration:
     bound: float
     #: Penalty exponent (2.6).
     penalty: float
-    #: Side of an element, px: grounds of more than 30,000 px are reduced first. Masses count elements.
+    #: Side of an element, px. Grounds of more than 30,000 px are reduced first. Masses are in elements.
     cell_px: int = 1
 
 
-def gather(
+def optimise_material(
     cost: Floats,
     sources: list[tuple[int, int]],
     sinks: list[tuple[int, int]],
@@ -113,14 +115,35 @@ def gather(
     *,
     cell_px: int = 1,
 ) -> tuple[Floats, list[PathIteration]]:
-    """The material at the end of the optimisation, and its history."""
-    free = _reached(cost, sources + sinks)
+    """Optimise the material that conducts heat from sources to sinks.
+
+    Parameters
+    ----------
+    cost : (h, w) float array
+        Cost of every element; infinite on obstacles.
+    sources, sinks : list of (row, column)
+        Elements in which heat is generated, and from which it leaves.
+    options : PathOptions
+    leg : int
+        Number of the leg, for the history.
+    report : callable
+        Called with the share of the iterations done, in (0, 1].
+    cell_px : int
+        Side of an element, px, for the history.
+
+    Returns
+    -------
+    density : (h, w) float array in [0, 1]
+        The material.
+    history : list of PathIteration
+    """
+    free = _connected_to(cost, sources + sinks)
     heat, convection = np.zeros(cost.shape), np.zeros(cost.shape)
     for point in sources:
         heat[point] = 1.0
     for point in sinks:
         convection[point] = _CONVECTION
-    few = 2 * np.count_nonzero(free) < free.size or min(free.shape) < _NARROW
+    few = 2 * np.count_nonzero(free) < free.size or min(free.shape) < _MIN_MULTIGRID_SIDE
     plate: Plate | Strip = Strip(heat, convection, free) if few else Plate(heat, convection)
     typical = float(np.median(cost[free]))
     nominal = np.where(free, (typical / np.where(free, cost, 1.0)) ** 2, _INSULATION)
@@ -139,7 +162,7 @@ def gather(
         bound = max(volume / n**2, least)  # (2.9), (2.10)
         steady = plate.solve(nominal * (_INSULATION + (1 - _INSULATION) * density**p), nodes)  # (2.6)
         nodes = steady.nodes
-        if steady.iterations > MOST_ITERATIONS and isinstance(plate, Plate):  # walls that multigrid minds
+        if steady.iterations > MOST_ITERATIONS and isinstance(plate, Plate):  # walls slow multigrid down
             plate = Strip(heat, convection, free)
         sensitivity = -p * nominal * density ** (p - 1) * steady.energy  # ∂Π/∂ρ
         step = OCOptions(move=1.0 if p == 1.0 else 0.2, damping=1 / (p + 1))
@@ -160,7 +183,7 @@ def gather(
     return density, history
 
 
-def _reached(cost: Floats, ends: list[tuple[int, int]]) -> npt.NDArray[np.bool_]:
-    """The pixels that hang together with any of the ends."""
+def _connected_to(cost: Floats, ends: list[tuple[int, int]]) -> npt.NDArray[np.bool_]:
+    """Return the (h, w) bool mask of the free pixels that are connected to any of the ends."""
     pieces, _ = ndimage.label(np.isfinite(cost))
-    return np.isin(pieces, [pieces[end] for end in ends if pieces[end]])  # sinks may lie off a strip
+    return np.isin(pieces, [pieces[end] for end in ends if pieces[end]])  # sinks may lie outside the strip

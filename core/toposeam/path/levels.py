@@ -1,7 +1,8 @@
-"""Large grounds from coarse to fine.
+"""Planning on large grounds from coarse to fine.
 
-Heat is led over a reduced ground first; on each finer one it only has the strip along what it found on the
-one before, and along the shortest way on the grid, which has gaps that the reduction closed.
+The material is first optimised on a reduced ground. On each finer ground only a strip is free, along the way
+found on the coarser one and along the shortest way on the full grid. The latter keeps gaps open that the
+reduction closed.
 """
 
 from __future__ import annotations
@@ -15,22 +16,22 @@ import numpy.typing as npt
 from scipy import ndimage
 
 from toposeam.arrays import Floats, Ints
-from toposeam.path.gather import PathIteration, PathOptions, gather
+from toposeam.path.gather import PathIteration, PathOptions, optimise_material
 from toposeam.path.trace import trace
 
 Cell = tuple[int, int]
 
-#: Grounds of at most so many px are led over as they are.
+#: Largest ground, px, that is optimised at full size.
 WHOLE_PX = 30_000
-#: A reduced ground has about so many cells.
-_COARSE = 20_000
-#: A strip of more cells is not led over again: its way is read off the material of the coarser one.
-_LARGEST_STRIP = 60_000
-#: On a strip, heat takes this share of the iterations: it is nearly there.
-_SHARE = 3
+#: Size, in cells, of the coarsest ground, about.
+_COARSEST_CELLS = 20_000
+#: Largest strip, in cells, that is optimised; on larger ones the material of the coarser ground is traced.
+_MAX_STRIP_CELLS = 60_000
+#: The iterations are divided by this on a strip, as its material starts near the optimum.
+_FEWER_ITERATIONS = 3
 
 
-def lead(
+def plan_coarse_to_fine(
     cost: Floats,
     sources: list[Cell],
     sinks: list[Cell],
@@ -38,12 +39,36 @@ def lead(
     leg: int,
     report: Callable[[float], None],
 ) -> tuple[Floats, list[PathIteration], list[Floats]]:
-    """The material, its history, and a line of pixel centres from every source to its sink."""
+    """Plan ways from sources to sinks, on large grounds from coarse to fine.
+
+    Parameters
+    ----------
+    cost : (H, W) float array
+        Cost of every pixel; infinite on obstacles.
+    sources, sinks : list of (row, column)
+    options : PathOptions
+    leg : int
+        Number of the leg, for the history.
+    report : callable
+        Called with the share of the work done, in [0, 1].
+
+    Returns
+    -------
+    density : (H, W) float array in [0, 1]
+        The material.
+    history : list of PathIteration
+    lines : list of (n, 2) float arrays
+        x and y of pixel centres, from every source to its sink.
+    """
     if cost.size <= WHOLE_PX:
-        density, records = gather(cost, sources, sinks, options, leg, report)
+        density, records = optimise_material(cost, sources, sinks, options, leg, report)
         return density, records, trace(density, cost, sources, sinks)
     shortest = shortest_ways(cost, sources, sinks)
-    fewer = replace(options, gather=-(-options.gather // _SHARE), sharpen=-(-options.sharpen // _SHARE))
+    fewer = replace(
+        options,
+        gather=-(-options.gather // _FEWER_ITERATIONS),
+        sharpen=-(-options.sharpen // _FEWER_ITERATIONS),
+    )
     history: list[PathIteration] = []
     lines: list[Floats] = []
     density, before = np.ones((1, 1)), max(cost.shape)
@@ -51,27 +76,27 @@ def lead(
     for number, scale in enumerate(scales):
         here, there = ([(y // scale, x // scale) for y, x in points] for points in (sources, sinks))
         if set(here) & set(there):
-            continue  # too coarse to tell them apart
-        level = reduced(cost, scale, shortest)
+            continue  # a source and a sink share a cell of this ground
+        level = reduce_ground(cost, scale, shortest)
         strip = bool(lines) or level.size > WHOLE_PX
         if strip:
             wide = 2 * min(-(-before // scale), 4) + 1
-            level = _along([*shortest, *(line[:, ::-1] for line in lines)], level, scale, wide)
+            level = _strip_along([*shortest, *(line[:, ::-1] for line in lines)], level, scale, wide)
 
-        def told(share: float, done: int = number) -> None:
+        def report_level(share: float, done: int = number) -> None:
             report((done + share) / len(scales))
 
-        if strip and np.count_nonzero(np.isfinite(level)) > _LARGEST_STRIP:
+        if strip and np.count_nonzero(np.isfinite(level)) > _MAX_STRIP_CELLS:
             finer = np.arange(level.shape[0]) * scale // before, np.arange(level.shape[1]) * scale // before
             known = density[
                 np.minimum(finer[0], len(density) - 1)[:, np.newaxis],
                 np.minimum(finer[1], density.shape[1] - 1),
             ]
             density = np.where(np.isfinite(level), known, 0.0)
-            guide = density * (np.min(level) / level)  # the cheaper the better, where material is alike
+            guide = density * (np.min(level) / level)  # prefers cheap ground where the material is equal
         else:
-            density, records = gather(
-                level, here, there, fewer if strip else options, leg, told, cell_px=scale
+            density, records = optimise_material(
+                level, here, there, fewer if strip else options, leg, report_level, cell_px=scale
             )
             history += records
             guide = density
@@ -82,16 +107,17 @@ def lead(
 
 
 def _scales(pixels: int) -> list[int]:
-    """By how much the ground is reduced, from coarse to 1."""
-    scales = [max(2, int(np.ceil(np.sqrt(pixels / _COARSE))))]
+    """Return the factors by which the ground is reduced, from the coarsest to 1."""
+    scales = [max(2, int(np.ceil(np.sqrt(pixels / _COARSEST_CELLS))))]
     while scales[-1] > 1:
         scales.append(scales[-1] // 2)
     return scales
 
 
-def reduced(cost: Floats, scale: int, ways: list[Ints]) -> Floats:
-    """The geometric mean of the costs in cells of `scale` px; cells with an obstacle are one, unless one of
-    the (row, column) `ways` leads through.
+def reduce_ground(cost: Floats, scale: int, ways: list[Ints]) -> Floats:
+    """Reduce a ground to cells of `scale` px, with the geometric mean of their costs.
+
+    A cell with an obstacle is an obstacle, unless one of the (row, column) `ways` leads through it.
     """
     if scale == 1:
         return cost.copy()
@@ -112,8 +138,10 @@ def reduced(cost: Floats, scale: int, ways: list[Ints]) -> Floats:
     return np.where(open_, mean, np.inf)
 
 
-def _along(ways: Sequence[Ints | Floats], level: Floats, scale: int, wide: int) -> Floats:
-    """A reduced ground with obstacles everywhere but within `wide` cells of the (row, column) ways, px."""
+def _strip_along(ways: Sequence[Ints | Floats], level: Floats, scale: int, wide: int) -> Floats:
+    """Restrict a reduced ground to a strip: beyond `wide` cells from the (row, column) ways, px, all is
+    obstacle.
+    """
     near = np.zeros(level.shape, np.uint8)
     for way in ways:
         rows, columns = (np.asarray(way) // scale).astype(np.int64).T
@@ -122,8 +150,10 @@ def _along(ways: Sequence[Ints | Floats], level: Floats, scale: int, wide: int) 
 
 
 def shortest_ways(cost: Floats, sources: list[Cell], sinks: list[Cell]) -> list[Ints]:
-    """(n, 2) rows and columns of the pixels between every source and the sink that is nearest along the grid,
-    in either direction, over their sides, never between two obstacles that touch at a corner.
+    """Find the cheapest way on the grid from every source to a sink, as (n, 2) rows and columns of pixels.
+
+    Successive pixels share a side. No way leads between two obstacles that touch at a corner. The direction
+    of a way is not defined.
     """
     from skimage.graph import MCP_Geometric
 
@@ -131,20 +161,18 @@ def shortest_ways(cost: Floats, sources: list[Cell], sinks: list[Cell]) -> list[
     search = MCP_Geometric(np.where(np.isfinite(cost), price, -1.0))
     _, steps = search.find_costs(sinks, sources, find_all_ends=True)
     offsets = [(int(down), int(right)) for down, right in search.offsets]
-    found = [_over_sides(_back(steps, offsets, source), cost) for source in sources]
+    found = [_without_diagonals(_followed_back(steps, offsets, source), cost) for source in sources]
     if all(way is not None for way in found):
         return [way for way in found if way is not None]
-    lines = trace(1 / price, cost, sources, sinks)  # minds such corners, and takes three times the memory
-    ways = [_over_sides(line[:, ::-1].astype(np.int64), cost) for line in lines]
+    lines = trace(1 / price, cost, sources, sinks)  # respects such corners, with three times the memory
+    ways = [_without_diagonals(line[:, ::-1].astype(np.int64), cost) for line in lines]
     return [way for way in ways if way is not None]
 
 
-def _back(steps: npt.NDArray[np.integer], offsets: list[Cell], cell: Cell) -> Ints:
-    """(n, 2) rows and columns from where a search began to a cell, by the step that led to each; a list of
-    Python's would take ten times the memory.
-    """
+def _followed_back(steps: npt.NDArray[np.integer], offsets: list[Cell], cell: Cell) -> Ints:
+    """Follow the steps of a search back from a cell: (n, 2) rows and columns, from the search's start on."""
     row, column = cell
-    way = array("q", cell)
+    way = array("q", cell)  # takes a tenth of a list's memory
     while (step := int(steps[row, column])) >= 0:
         down, right = offsets[step]
         row, column = row - down, column - right
@@ -152,8 +180,8 @@ def _back(steps: npt.NDArray[np.integer], offsets: list[Cell], cell: Cell) -> In
     return np.array(way, np.int64).reshape(-1, 2)[::-1]
 
 
-def _over_sides(way: Ints, cost: Floats) -> Ints | None:
-    """A way without diagonal steps; None where one leads between two obstacles."""
+def _without_diagonals(way: Ints, cost: Floats) -> Ints | None:
+    """Replace every diagonal step by two over a free pixel; None if one leads between two obstacles."""
     step = np.flatnonzero((np.diff(way, axis=0) != 0).all(axis=1))
     one = np.column_stack([way[step, 0], way[step + 1, 1]])
     other = np.column_stack([way[step + 1, 0], way[step, 1]])

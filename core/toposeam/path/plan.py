@@ -17,8 +17,8 @@ from toposeam.checks import check_function, check_kind, check_numbers, options_f
 from toposeam.errors import ImageError, OptionError, PathError, Term
 from toposeam.heat.threads import one_thread
 from toposeam.path.gather import PathIteration, PathKeywords, PathOptions
-from toposeam.path.levels import lead
-from toposeam.path.trace import cost_along, taut
+from toposeam.path.levels import plan_coarse_to_fine
+from toposeam.path.trace import cost_along, pull_taut
 from toposeam.saving import save
 from toposeam.sentence import counted
 from toposeam.vector.polyline import Polyline, check_length
@@ -26,7 +26,7 @@ from toposeam.vector.svg import write_svg
 
 Point = tuple[float, float]
 
-#: A plate of more px does not fit into the memory of usual machines.
+#: Largest ground, px: larger plates do not fit into the memory of usual machines.
 MAX_PIXELS = 4_000_000
 
 
@@ -42,14 +42,14 @@ class PlannedPath:
     True
     """
 
-    #: One line per source, from it to the sink its heat reaches; px, pixel (row y, column x) covers [x, x +
-    #: 1] × [y, y + 1].
+    #: One line per source, from it to the sink that its heat reaches, px. The pixel in row y and column x
+    #: covers [x, x + 1] × [y, y + 1].
     paths: tuple[Polyline, ...]
-    #: Cost of each: the cost map integrated along it. Without a map its length.
+    #: Cost of each line: the integral of the cost map along it; on an even ground its length.
     costs: tuple[float, ...]
-    #: (H, W) material the heat gathered, in [0, 1]; of several legs the greatest.
+    #: (H, W) material in [0, 1]; of several legs the maximum.
     density: npt.NDArray[np.float32]
-    #: Per iteration of every leg.
+    #: The iterations of all legs.
     history: tuple[PathIteration, ...]
 
     @property
@@ -63,7 +63,7 @@ class PlannedPath:
         return sum(self.costs)
 
     def to_svg(self, path: str | Path | None = None) -> str:
-        """The ways as an SVG document of the ground's size in px; as a file too if a path is given.
+        """Return the ways as an SVG document of the ground's size in px, and write it if a path is given.
 
         Parameters
         ----------
@@ -105,18 +105,18 @@ def plan_path(
     progress: Callable[[float], None] | None = None,
     **given: Unpack[PathKeywords],
 ) -> PlannedPath:
-    """Lead heat from sources to sinks, and follow it.
+    """Plan ways from sources to sinks: optimise the material that conducts heat, and trace it.
 
     Parameters
     ----------
     ground : (int, int) or (H, W) array_like
-        Height and width of an even ground, or what a step of 1 px costs at every pixel: positive; infinity is
-        an obstacle.
+        Height and width of an even ground, or the cost of a step of 1 px at every pixel: positive, infinite
+        on obstacles.
     sources, sinks : (x, y) or sequence of (x, y)
-        Where ways start and end, px. With several of both, every source's heat finds the sink that is best
-        for all together.
+        Starts and ends of the ways, px. With several of both, each source is connected to the sink that is
+        best for all together.
     obstacles : (H, W) bool array_like, optional
-        True where no way may lead.
+        True on obstacles.
     stopovers : sequence of (x, y)
         Points to be visited in this order, between one source and one sink. Each is the sink of one leg and
         the source of the next.
@@ -138,7 +138,7 @@ def plan_path(
     ImageError
         For a ground or obstacles of the wrong shape, or costs that are not positive.
     PathError
-        When obstacles part a source from every sink.
+        When obstacles separate a source from every sink.
 
     Examples
     --------
@@ -200,11 +200,11 @@ def plan_path(
                 progress((done + share) / len(legs))
 
         with one_thread():
-            gathered, records, traced = lead(cost, here, there, chosen, number + 1, report)
+            gathered, records, traced = plan_coarse_to_fine(cost, here, there, chosen, number + 1, report)
         density = np.maximum(density, gathered)
         history += records
         for line, points in zip(lines, traced, strict=True):
-            line.append(taut(points, cost) if chosen.taut else points)
+            line.append(pull_taut(points, cost) if chosen.taut else points)
     whole = [np.concatenate([line[0], *(part[1:] for part in line[1:])]) for line in lines]
     return PlannedPath(
         paths=tuple(Polyline(points) for points in whole),
@@ -215,7 +215,7 @@ def plan_path(
 
 
 def path_cost(path: Polyline, ground: npt.ArrayLike) -> float:
-    """A cost map integrated along a line; infinite where it crosses an obstacle.
+    """Integrate a cost map along a line; infinite if the line crosses an obstacle.
 
     Parameters
     ----------
@@ -244,7 +244,7 @@ def path_cost(path: Polyline, ground: npt.ArrayLike) -> float:
 
 
 def _ground(ground: tuple[int, int] | npt.ArrayLike, obstacles: npt.ArrayLike | None) -> Floats:
-    """Cost of every pixel, infinite on obstacles."""
+    """Return the (H, W) cost of every pixel, infinite on obstacles."""
     cost = check_numbers("ground", ground)
     if cost.shape == (2,) and (cost >= 1).all() and (cost == np.rint(cost)).all():
         if cost[0] * cost[1] > MAX_PIXELS:
@@ -288,7 +288,7 @@ def _ground(ground: tuple[int, int] | npt.ArrayLike, obstacles: npt.ArrayLike | 
 
 
 def _pixels(points: Point | Sequence[Point], cost: Floats, name: str) -> list[tuple[int, int]]:
-    """(row, column) of each point."""
+    """Return the pixel (row, column) of each point."""
     parameter = Term(f"{name}s", name)
     given = check_numbers(parameter, points)
     if given.size % 2 or given.ndim not in (1, 2) or given.shape[-1] not in (0, 2):

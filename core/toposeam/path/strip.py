@@ -1,8 +1,7 @@
-"""Heat on the elements of a plate that are free, and nowhere else, solved by elimination.
+"""Heat conduction on the free elements of a plate only, solved by elimination.
 
-The plate's elements and loads are those of :mod:`toposeam.heat.plate`; a narrow strip along a way has few
-unknowns, whatever the size of the map it leads over, and walls without any conduction do not disturb
-elimination as they do multigrid.
+Elements and loads are those of :mod:`toposeam.heat.plate`. A narrow strip along a way has few unknowns,
+however large the map. Insulating walls do not slow elimination down, as they do multigrid.
 """
 
 from __future__ import annotations
@@ -14,12 +13,12 @@ from toposeam.arrays import Floats
 from toposeam.heat.elimination import system
 from toposeam.heat.plate import CONDUCTION, Temperature
 
-#: Pairs of an element's corners.
+#: The six pairs of an element's four corners.
 _FIRST, _SECOND = np.triu_indices(4, 1)
 
 
 class Strip:
-    """The free elements of a plate, where heat comes from, and where it goes.
+    """The free elements of a plate, their heat loads and their convection.
 
     Parameters
     ----------
@@ -45,7 +44,10 @@ class Strip:
         self._load = self._nodal(np.repeat(heat[free][:, np.newaxis] / 4, 4, axis=1))
 
     def solve(self, conductivity: Floats, start: Floats | None = None) -> Temperature:
-        """The steady state for (h, w) conductivities, positive where free; a guess is not needed."""
+        """Solve for the steady state at (h, w) conductivities, positive on free elements.
+
+        `start` is ignored: elimination needs no first guess.
+        """
         k = conductivity[self.free][:, np.newaxis]
         coupling = np.bincount(self._pair.ravel(), (k * -CONDUCTION[_FIRST, _SECOND]).ravel()).astype(float)
         diagonal = self._sink + self._nodal(k * np.diag(CONDUCTION))
@@ -58,6 +60,6 @@ class Strip:
         return Temperature(nodes=nodes, compliance=float(self._load @ flat), energy=energy, iterations=1)
 
     def _nodal(self, shares: Floats) -> Floats:
-        """Sums at the nodes of what the corners of each element, (elements, 4), bring."""
+        """Sum the shares of the corners of each element, (elements, 4), at the nodes."""
         sums: Floats = np.bincount(self.corners.ravel(), shares.ravel(), len(self.nodes)).astype(np.float64)
         return sums

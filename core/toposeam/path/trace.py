@@ -1,4 +1,4 @@
-"""The way read off the material that heat gathered: followed pixel by pixel, drawn taut, its cost."""
+"""Tracing of ways through optimised material: pixel by pixel, then straightened; and the cost of a line."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from toposeam.arrays import Floats
 def trace(
     density: Floats, cost: Floats, sources: list[tuple[int, int]], sinks: list[tuple[int, int]]
 ) -> list[Floats]:
-    """The way of least resistance through the material, from pixel centre to pixel centre."""
+    """Find the way of least resistance from every source to a sink, as (n, 2) x and y of pixel centres."""
     cells = np.flatnonzero(np.isfinite(cost))
     number = np.full(cost.shape, -1, np.int32)
     number.ravel()[cells] = np.arange(len(cells))
@@ -40,8 +40,10 @@ def trace(
 
 
 def _neighbours(density: Floats, number: npt.NDArray[np.int32]) -> csr_array:
-    """The resistance between pixels that touch, by their numbers, -1 where there is an obstacle; what it is
-    made from is gone when it is used.
+    """Return the resistances between neighbouring pixels as a sparse matrix.
+
+    `number` holds the row of every pixel in the matrix, -1 on obstacles. This is a function of its own so
+    that its temporary arrays are freed before the search.
     """
     free = number >= 0
     height, width = number.shape
@@ -51,7 +53,7 @@ def _neighbours(density: Floats, number: npt.NDArray[np.int32]) -> csr_array:
         one = (slice(0, height - dy), slice(max(0, -dx), width - max(0, dx)))
         other = (slice(dy, height), slice(max(0, dx), width + min(0, dx)))
         open_ = free[one] & free[other]
-        if dx and dy:  # no squeezing between two obstacles that touch at a corner
+        if dx and dy:  # no step between two obstacles that touch at a corner
             open_ &= free[one[0], other[1]] & free[other[0], one[1]]
         rows.append(number[one][open_])
         columns.append(number[other][open_])
@@ -62,27 +64,28 @@ def _neighbours(density: Floats, number: npt.NDArray[np.int32]) -> csr_array:
     )
 
 
-#: A longer line is drawn taut between so many of its points, fewer if it leads far: straight lines through so
-#: many pixels are tried.
-_MOST_POINTS, _MOST_PIXELS = 512, 100_000_000
+#: Largest number of a line's points between which straight lines are tried; longer lines are thinned out.
+_MAX_TAUT_POINTS = 512
+#: Largest number of px, about, over all straight lines together: long lines are thinned out further.
+_MAX_TRIED_PX = 100_000_000
 
 
-def taut(line: Floats, cost: Floats) -> Floats:
-    """Leave points out wherever the straight line past them costs no more than the way through them.
+def pull_taut(line: Floats, cost: Floats) -> Floats:
+    """Replace parts of a line by straight ones wherever these cost no more.
 
-    `line` leads from centre to centre of neighbouring pixels.
+    `line`, (n, 2) x and y, leads from centre to centre of neighbouring pixels.
     """
     columns, rows = line.astype(np.int64).T
     prices = cost[rows, columns]
     steps = np.hypot(*np.diff(line, axis=0).T) * 0.5 * (prices[1:] + prices[:-1])
     upto = np.concatenate([[0.0], np.cumsum(steps)])
     lines_each = 72 * float(np.ptp(line, axis=0).max() + 1)
-    every = -(-len(line) // int(np.clip(_MOST_PIXELS / lines_each, 16, _MOST_POINTS)))
+    every = -(-len(line) // int(np.clip(_MAX_TRIED_PX / lines_each, 16, _MAX_TAUT_POINTS)))
     chosen = np.unique(np.append(np.arange(0, len(line), every), len(line) - 1))
     points = line[chosen]
-    least = np.full(len(points), np.inf)  # cost of the cheapest way to the end through some of the points
+    least = np.full(len(points), np.inf)  # cost of the cheapest way from each point to the end
     following = np.zeros(len(points), np.int64)
-    straight_on = np.ones(len(points), bool)  # whether to that one in a straight line, or as the line goes
+    straight_on = np.ones(len(points), bool)  # straight to the next point, or along the given line
     least[-1] = 0.0
     for at in range(len(points) - 2, -1, -1):
         reach = np.unique(
@@ -100,7 +103,7 @@ def taut(line: Floats, cost: Floats) -> Floats:
         totals = straight + least[reach]
         best = int(totals.argmin())
         least[at], following[at] = totals[best], reach[best]
-    assert least[0] <= upto[-1] * (1 + 1e-9) + 1e-6  # noqa: S101 - the line as it goes is among the choices
+    assert least[0] <= upto[-1] * (1 + 1e-9) + 1e-6  # noqa: S101 - the given line is among the choices
     kept = [0]
     at = 0
     while at < len(points) - 1:
@@ -113,8 +116,9 @@ def taut(line: Floats, cost: Floats) -> Floats:
 
 
 def cost_along(points: Floats, cost: Floats) -> float:
-    """The exact integral: pixel after pixel, each with the length of the line in it. No line leads through
-    between two obstacles that touch at a corner.
+    """Integrate costs along a line exactly: Σ of the cost of each pixel times the line's length in it.
+
+    The cost is infinite if the line crosses an obstacle, or leads between two that touch at a corner.
     """
     total = 0.0
     for (x, y), (to_x, to_y) in pairwise(points.tolist()):

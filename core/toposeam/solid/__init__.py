@@ -1,4 +1,4 @@
-"""Solids: what heat builds in a block, as a mesh. See docs/patterns.md."""
+"""Solids that heat conduction builds in a block, as meshes. See docs/patterns.md."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""Volumes and clips: surfaces between overlapping ones, loops of clips, stacks joined."""
+"""Volumes and clips: surfaces between overlapping ones, joined stacks, loops of clips."""
 
 import lazy_loader
 

@@ -1,10 +1,10 @@
-"""Stacks larger than memory, joined block by block on dask arrays.
+"""Joining of stacks larger than memory, block by block on dask arrays.
 
-A coarse surface decides first. The match cost is read once, block by block, and summed between coarse voxels
-so large that their grid fits into memory; the surface there gives every voxel a first label. Then each block
-lets heat gather in a slab round that surface, with its own border held at the first labels, so that blocks
-agree however many are worked on at once, and in whatever order. A second round does so once more on blocks
-that are shifted by half, which lets the surface go where borders held it.
+First a coarse surface is found. The match cost is computed once, block by block, and summed between coarse
+voxels that are large enough for their grid to fit into memory. The surface on this grid gives every voxel a
+first label. Then a surface is found in each block, within a slab round the first one. The block's border is
+fixed at the first labels, so that blocks agree in any order and for any number of workers. A second round on
+blocks that are shifted by half frees the surface at the borders of the first.
 """
 
 from __future__ import annotations
@@ -33,23 +33,24 @@ from toposeam.volume.heat.block_surface import (
     coarse_labels,
     coarse_span,
 )
-from toposeam.volume.heat.levels import refined
-from toposeam.volume.heat.method import SurfaceOptions, heat_surface, spread
+from toposeam.volume.heat.levels import refine
+from toposeam.volume.heat.method import SurfaceOptions, dilate, heat_surface
 from toposeam.volume.problem.canvas import Places
 from toposeam.volume.problem.surface_problem import SurfaceProblem
 
-#: Side of a block, in voxels.
+#: Default side of a block, in voxels.
 BLOCK = 160
-#: So many voxels of an array in memory, or mapped, are taken at a time.
-_READ = (64, 256, 256)
-#: The slab reaches this far beyond the size of a coarse voxel.
-_REACH = 3
-#: Bits of a voxel's state.
+#: Chunks, in voxels, of arrays in memory or mapped: small, so that little is read beyond a block.
+_CHUNKS = (64, 256, 256)
+#: Reach of the slab beyond the side of a coarse voxel, in voxels.
+_SLAB_MARGIN = 3
+#: Bits of a voxel's state: its label, and whether that is fixed.
 _SHOWS_B, _FIXED = np.uint8(1), np.uint8(2)
 
+#: Options of the search in a block: never a slab of its own.
 _BLOCK_OPTIONS = SurfaceOptions(tolerance=2e-3, max_iterations=1000, whole=10**9)
-#: Runs that were interrupted.
-_STOPPED: set[str] = set()
+#: Identifiers of interrupted runs, whose remaining tasks stop.
+_INTERRUPTED: set[str] = set()
 
 
 def _dask() -> Any:
@@ -62,7 +63,7 @@ def _dask() -> Any:
     return dask.array
 
 
-def lazily(stack: Any, name: str) -> Any:
+def as_dask(stack: Any, name: str) -> Any:
     """Return a stack as a dask array (D, H, W, C)."""
     array = _dask()
     if not all(hasattr(stack, attribute) for attribute in ("shape", "dtype", "ndim")):
@@ -93,16 +94,16 @@ def lazily(stack: Any, name: str) -> Any:
     if hasattr(stack, "dask"):
         lazy = stack
     else:
-        # In small parts, or what is read for one block would be many times as large as that.
-        parts = (*_READ, -1)[: stack.ndim]
+        # Small chunks: otherwise many times a block's size would be read for it.
+        parts = (*_CHUNKS, -1)[: stack.ndim]
         lazy = array.from_array(
-            _Parts(stack) if isinstance(stack, np.ndarray) else stack, chunks=parts, name=False
+            _ReadByParts(stack) if isinstance(stack, np.ndarray) else stack, chunks=parts, name=False
         )
     return lazy[..., np.newaxis] if lazy.ndim == 3 else lazy
 
 
-class _Parts:
-    """An array in memory, or mapped, of which parts are read; dask would copy all of it first."""
+class _ReadByParts:
+    """An array in memory, or mapped, that is read by parts; dask would copy a plain array whole."""
 
     def __init__(self, stack: npt.NDArray[Any]) -> None:
         self.shape, self.dtype, self.ndim = stack.shape, stack.dtype, stack.ndim
@@ -123,16 +124,16 @@ def labels_by_blocks(
     keep: str | Path | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Any:
-    """Compute the labels of the common box: an array of bool, or a dask array where a folder keeps them.
+    """Compute the labels of the common box, as a bool array, or as a dask array if `keep` names a folder.
 
     Raises
     ------
     OverlapError
-        When one stack lies inside the other: what must show of it is decided by depth, which blocks do not
-        know.
+        When one stack lies inside the other: the part of it that must show depends on its depth, which is
+        not known in a block.
     """
     array = _dask()
-    ground = _grounds(places)
+    ground = _face_grounds(places)
     if not {A, B} <= set(ground.values()):
         raise OverlapError(
             "one stack does not reach beyond the other, which blocks cannot decide; join NumPy arrays, "
@@ -146,7 +147,7 @@ def labels_by_blocks(
     shape = one.shape[:3]
     span = coarse_span(shape)
     coarse = coarse_labels(one, other, shape, span, ground, cost, spacing, block, data_range, progress)
-    chunks = tuple(_even(length, block) for length in shape)
+    chunks = tuple(_even_chunks(length, block) for length in shape)
     state = array.map_blocks(
         _first_state, chunks=chunks, dtype=np.uint8, coarse=coarse, span=span, ground=ground, shape=shape
     )
@@ -155,11 +156,11 @@ def labels_by_blocks(
         "cost": cost,
         "spacing": tuple(spacing),
         "data_range": data_range,
-        "reach": max(span) + _REACH,
+        "reach": max(span) + _SLAB_MARGIN,
         "run": run,
     }
     for shifted in (False, True):
-        cut = tuple(_even(length, block, shifted) for length in shape)
+        cut = tuple(_even_chunks(length, block, shifted) for length in shape)
         depth = dict.fromkeys(range(3), 1)
         parts = [
             array.overlap.overlap(
@@ -171,7 +172,7 @@ def labels_by_blocks(
         ]
         around = array.overlap.overlap(state.rechunk(cut), depth, "none")
         state = array.map_blocks(
-            _settled,
+            _solve_block,
             around[..., np.newaxis].rechunk((*around.chunks, 1)),
             *parts,
             dtype=np.uint8,
@@ -179,7 +180,7 @@ def labels_by_blocks(
             **settings,
         )[..., 0]
     labels = (state & _SHOWS_B).astype(bool)
-    with _Counting(progress, COARSE_SHARE), _stopped_with(run):
+    with _TaskProgress(progress, COARSE_SHARE), _interrupting(run):
         if keep is None:
             return labels.compute()
         array.to_zarr(labels.rechunk((block,) * 3), str(keep))
@@ -187,22 +188,23 @@ def labels_by_blocks(
 
 
 @contextmanager
-def _stopped_with(run: str) -> Iterator[None]:
-    """Stop the block's threads, soon, when the block is interrupted."""
+def _interrupting(run: str) -> Iterator[None]:
+    """Stop the remaining tasks of a run if the code in this context is interrupted."""
     try:
         yield
     except BaseException:
-        _STOPPED.add(run)
+        _INTERRUPTED.add(run)
         raise
 
 
-def _go_on(run: str) -> None:
-    if run in _STOPPED:
+def _check_interrupted(run: str) -> None:
+    """Raise KeyboardInterrupt if the run was interrupted."""
+    if run in _INTERRUPTED:
         raise KeyboardInterrupt
 
 
-def assembled(a: Any, b: Any, places: Places, labels: Any) -> Any:
-    """Return the joined stack, a dask array."""
+def assemble(a: Any, b: Any, places: Places, labels: Any) -> Any:
+    """Join two stacks by the labels of their common box, as a dask array."""
     array = _dask()
     labels = labels if hasattr(labels, "dask") else array.from_array(labels)
 
@@ -218,8 +220,8 @@ def assembled(a: Any, b: Any, places: Places, labels: Any) -> Any:
     return array.where(show_b[..., np.newaxis], values_b, values_a)
 
 
-def _grounds(places: Places) -> dict[tuple[int, bool], int]:
-    """Find the stack beyond the common box, by axis and whether at the upper end."""
+def _face_grounds(places: Places) -> dict[tuple[int, bool], int]:
+    """Return the stack, A or B, beyond each face of the common box, by axis and whether at the upper end."""
     found = {}
     for axis, part in enumerate(places.overlap):
         for which, label in (("a", A), ("b", B)):
@@ -231,8 +233,8 @@ def _grounds(places: Places) -> dict[tuple[int, bool], int]:
     return found
 
 
-class _Counting:
-    """Reports the share of dask's tasks that are done, from some share on."""
+class _TaskProgress:
+    """Reports the progress of dask's tasks, as a share of the work from `start` to 1."""
 
     def __init__(self, progress: Callable[[float], None] | None, start: float) -> None:
         from dask.callbacks import Callback
@@ -255,8 +257,8 @@ class _Counting:
         self._callback.unregister()
 
 
-def _even(length: int, block: int, shifted: bool = False) -> tuple[int, ...]:
-    """Return chunks of about the same length; shifted, the borders lie in the middle of where they were."""
+def _even_chunks(length: int, block: int, shifted: bool = False) -> tuple[int, ...]:
+    """Return about equal lengths of chunks; with `shifted`, borders lie half way between the usual ones."""
     count = -(-length // block)
     ends = [round(length * index / count) for index in range(count + 1)]
     if shifted and count > 1:
@@ -271,14 +273,14 @@ def _first_state(
     shape: tuple[int, ...],
     block_info: Any = None,
 ) -> Bytes:
-    """Return the first labels of a block."""
+    """Return the first state of a block, with the labels of the coarse surface."""
     place = block_info[None]["array-location"]
     low = [first // side for (first, _), side in zip(place, span, strict=True)]
     part = coarse[
         tuple(slice(at, -(-last // side)) for at, (_, last), side in zip(low, place, span, strict=True))
     ]
     whole = tuple(n * side for n, side in zip(part.shape, span, strict=True))
-    fine = refined(part, span, whole)
+    fine = refine(part, span, whole)
     inner = tuple(
         slice(first - at * side, last - at * side)
         for at, (first, last), side in zip(low, place, span, strict=True)
@@ -290,7 +292,7 @@ def _first_state(
     return state
 
 
-def _settled(
+def _solve_block(
     state: Bytes,
     a: Any,
     b: Any,
@@ -301,28 +303,28 @@ def _settled(
     run: str,
     block_info: Any = None,
 ) -> Bytes:
-    """Return the labels of a block with a voxel around it, without what is around it."""
-    _go_on(run)
-    inner, held = [], (state[..., 0] & _FIXED) > 0
+    """Find the surface in a block with a margin of one voxel; return the state without the margin."""
+    _check_interrupted(run)
+    inner, fixed = [], (state[..., 0] & _FIXED) > 0
     labels = (state[..., 0] & _SHOWS_B) > 0
     location, count = block_info[0]["chunk-location"], block_info[0]["num-chunks"]
     for axis in range(3):
         first, last = location[axis] == 0, location[axis] == count[axis] - 1
         inner.append(slice(0 if first else 1, None if last else -1))
         if not first:
-            held[along(axis, slice(2))] = True
+            fixed[along(axis, slice(2))] = True
         if not last:
-            held[along(axis, slice(-2, None))] = True
+            fixed[along(axis, slice(-2, None))] = True
     trimmed = (*inner, slice(None))
     near = np.zeros(labels.shape, bool)
     for axis in range(3):
         differs = labels[along(axis, LOW)] != labels[along(axis, HIGH)]
         near[along(axis, LOW)] |= differs
         near[along(axis, HIGH)] |= differs
-    free = spread(near, reach) & ~held
+    free = dilate(near, reach) & ~fixed
     if not free.any():
         return state[trimmed]
-    # Only the slab and a voxel round it are looked at.
+    # Crop to the slab and one voxel round it.
     box = []
     for axis in range(3):
         used = np.flatnonzero(free.any(axis=tuple(other for other in range(3) if other != axis)))
@@ -332,7 +334,7 @@ def _settled(
     overlap = Overlap(side, np.ones(side.shape, bool), (0, 0, 0), side.shape)
     problem = SurfaceProblem(overlap, block_costs(a[here], b[here], cost, spacing, data_range))
     with one_thread():
-        solution, _ = heat_surface(problem, _BLOCK_OPTIONS, lambda _: _go_on(run))
+        solution, _ = heat_surface(problem, _BLOCK_OPTIONS, lambda _: _check_interrupted(run))
     if problem.cost(solution.labels) < problem.cost(labels[here]):
         changed = labels.copy()
         changed[here] = problem.complete(solution.labels)

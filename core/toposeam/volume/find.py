@@ -1,4 +1,4 @@
-"""`find_surface`: the seam of two volumes."""
+"""`find_surface`: the surface along which two volumes join."""
 
 from __future__ import annotations
 
@@ -54,21 +54,23 @@ def find_surface(
         The volumes on one canvas; integers are scaled to [0, 1], one channel is widened to the other's
         number. Of a clip axis 0 is time.
     mask_a, mask_b : (D, H, W) array_like, optional
-        Where each volume has voxels. The overlap is their intersection, and what only one volume covers fixes
-        its side. A mask that is left out covers the whole canvas. With neither, the arrays *are* the overlap.
+        True where the volume has voxels. The overlap is the intersection of both; voxels of one volume only
+        fix its side. A mask that is left out covers the whole canvas. With neither, the whole canvas is the
+        overlap.
     axis : {0, 1, 2}, optional
         Without masks: the axis along which ``b`` continues, 0 by default. Index 0 there stays ``a``'s, the
         last one ``b``'s.
     method : {"heat", "graph-cut"}
         `heat` lets heat gather on the surface, from coarse to fine; `graph-cut` needs PyMaxflow.
     gradient : bool, optional
-        Short for the law "gradient" (2.4) along the three axes, or "colour" (3.22); "natural" by default.
+        Law of the match cost: True for "gradient" (2.4) along the three axes, False for "colour" (3.22);
+        "natural" by default.
     cost : MatchCost, optional
         All options of the match cost, instead of `gradient`.
     spacing : three positive floats
-        Depth, height and width of a voxel. An interface costs as much as its face is large, so that where
-        slices are far apart the surface runs along them less willingly; for clips the first one says how much
-        a frame counts against a pixel.
+        Depth, height and width of a voxel. The cost of an interface is weighted with the area of its face, so
+        that the surface avoids running along slices that are far apart. For clips the first number is the
+        weight of a frame against a pixel.
     weight : (D, H, W) array_like, optional
         A positive factor on the cost of each voxel's interfaces.
     avoid : (D, H, W) array_like, optional
@@ -78,15 +80,15 @@ def find_surface(
         show: 1 is all of it but its border, where the surface must run, and 0.05 hardly more than its middle
         (:mod:`toposeam.seam.problem.overlap`).
     speck : float, optional
-        A piece inside the other that cannot show so many connected voxels need not show at all, unless the
-        volume has hardly anything else; by default 64, or 0.05 % of the volume's own if that is more. 0 lets
-        every piece show.
+        Least number of connected voxels of a piece inside the other volume that must show. Smaller pieces may
+        vanish, unless the volume has hardly anything else. By default 64, or 0.05 % of the volume's own
+        voxels if that is more. With 0 every piece shows.
     channel_axis : int, optional
-        Where the channels of four-dimensional arrays are; last by default.
+        Axis of the channels in four-dimensional arrays; last by default.
     data_range : float, optional
         The value that counts as white, for integers other than uint8 and uint16 and for floats beyond ±2.
     options : SurfaceOptions, optional
-        Of method heat; or its fields as keywords.
+        Options of method "heat"; its fields may also be given as keywords.
     progress : callable, optional
         Called with the share of the work done, in [0, 1].
 
@@ -97,7 +99,7 @@ def find_surface(
     Raises
     ------
     ImageError, OverlapError, OptionError, MissingPackageError
-        Their text says what was received and what to do.
+        The text states the value received and a remedy.
 
     Examples
     --------

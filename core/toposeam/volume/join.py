@@ -1,4 +1,4 @@
-"""`join_volumes`: two stacks of which the second continues the first."""
+"""`join_volumes`: join two stacks, of which the second continues the first."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from toposeam.volume.find import find_surface
 from toposeam.volume.heat.method import SurfaceKeywords, SurfaceOptions
 from toposeam.volume.mesh import Mesh, mesh_of
 from toposeam.volume.problem.arrays import as_volume
-from toposeam.volume.problem.canvas import Places, placed
+from toposeam.volume.problem.canvas import Places, place_stacks
 from toposeam.volume.problem.posing import check_spacing
 from toposeam.volume.surface import Surface
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class JoinedVolume:
-    """Two stacks joined along a surface. Of dask arrays the volume is one, computed when it is wanted.
+    """Two stacks joined along a surface; of dask arrays the volume is a dask array, not computed yet.
 
     Examples
     --------
@@ -40,10 +40,10 @@ class JoinedVolume:
     volume: Any = field(repr=False)
     #: Labels of the box that both cover, True where ``b`` shows.
     labels: Any = field(repr=False)
-    #: Where the stacks lie, and what they have in common.
+    #: Boxes of the stacks on the canvas, and their common box.
     places: Places
-    #: The surface, where it was found in one piece; its window begins a voxel before the common box, where
-    #: there is one.
+    #: The surface, unless it was found by blocks. Its window is the common box with a margin of one voxel
+    #: within the canvas.
     surface: Surface | None = None
     #: The settings that make it again.
     settings: dict[str, Any] = field(default_factory=dict, repr=False)
@@ -59,8 +59,9 @@ class JoinedVolume:
         return to_png((255 * (middle / max(float(middle.max()), 1e-12))).astype(np.uint8))
 
     def mesh(self, smooth: float = 1.0) -> Mesh:
-        """Return the surface inside the common box as triangles, by marching cubes (scikit-image); its
-        vertices lie on the canvas.
+        """Return the surface inside the common box as triangles, by marching cubes (scikit-image).
+
+        Vertices are in coordinates of the canvas.
 
         Parameters
         ----------
@@ -100,7 +101,7 @@ def join_volumes(
     a, b : (D, H, W) or (D, H, W, C) arrays of one dtype and number of channels
         NumPy arrays, or dask arrays, which are joined by blocks and may be larger than memory.
     offset : three int
-        Where b's first voxel lies in a: (z, y, x), may be negative.
+        Position of b's first voxel in a, (z, y, x); may be negative.
     spacing : three positive floats
         Depth, height and width of a voxel.
     gradient, cost, core, data_range, options
@@ -109,7 +110,7 @@ def join_volumes(
         Join by blocks of about this side, in voxels; of dask arrays 160 by default. A coarse surface of the
         whole decides first, so that blocks agree at their borders (:mod:`toposeam.volume.blocks`).
     keep : path, optional
-        By blocks: a zarr folder for the labels, which are held in memory otherwise, a byte each.
+        zarr folder for the labels when joining by blocks; by default they are in memory, a byte each.
     progress : callable, optional
         Called with the share of the work done, in [0, 1].
 
@@ -120,7 +121,7 @@ def join_volumes(
     Raises
     ------
     ImageError, OverlapError, OptionError, MissingPackageError
-        Their text says what was received and what to do.
+        The text states the value received and a remedy.
 
     Examples
     --------
@@ -134,9 +135,9 @@ def join_volumes(
     flat = getattr(a, "ndim", None) == 3 or (isinstance(a, list | tuple) and check_numbers("a", a).ndim == 3)
     lazy = block is not None or any(hasattr(stack, "dask") for stack in (a, b))
     if lazy:
-        from toposeam.volume.blocks import lazily
+        from toposeam.volume.blocks import as_dask
 
-        a, b = lazily(a, "a"), lazily(b, "b")
+        a, b = as_dask(a, "a"), as_dask(b, "b")
     one, other = (stack if lazy else as_volume(stack, name) for stack, name in ((a, "a"), (b, "b")))
     if one.dtype != other.dtype:
         raise ImageError(
@@ -154,7 +155,7 @@ def join_volumes(
         )
     match = check_no_reach(match_options(gradient, cost), "surfaces")
     spacing = check_spacing(spacing)
-    places = placed(one.shape[:3], other.shape[:3], offset)
+    places = place_stacks(one.shape[:3], other.shape[:3], offset)
     settings: dict[str, Any] = {
         "offset": tuple(int(step) for step in offset),
         "spacing": spacing,
@@ -164,16 +165,16 @@ def join_volumes(
     surface = None
     labels: Any
     if lazy:
-        from toposeam.volume.blocks import BLOCK, assembled, labels_by_blocks
+        from toposeam.volume.blocks import BLOCK, assemble, labels_by_blocks
 
         side = BLOCK if block is None else check_whole("block", block, 16, 4096)
         labels = labels_by_blocks(one, other, places, match, spacing, side, data_range, keep, progress)
-        joined = assembled(one, other, places, labels)
+        joined = assemble(one, other, places, labels)
     else:
-        surface, labels = _whole(
+        surface, labels = _join_whole(
             one, other, places, match, spacing, core, data_range, options, progress, given
         )
-        joined = _assembled(one, other, places, labels)
+        joined = _assemble(one, other, places, labels)
     return JoinedVolume(
         volume=joined[..., 0] if flat else joined,
         labels=labels,
@@ -183,7 +184,7 @@ def join_volumes(
     )
 
 
-def _whole(
+def _join_whole(
     a: Volume,
     b: Volume,
     places: Places,
@@ -195,7 +196,7 @@ def _whole(
     progress: Callable[[float], None] | None,
     given: SurfaceKeywords,
 ) -> tuple[Surface, Mask]:
-    """Return the surface, on the common box and a voxel around it, and the labels of the box."""
+    """Find the surface on the common box with a margin of one voxel; return it and the labels of the box."""
     window = tuple(
         slice(max(0, part.start - 1), min(length, part.stop + 1))
         for part, length in zip(places.overlap, places.canvas, strict=True)
@@ -230,7 +231,7 @@ def _whole(
     return surface, surface.labels[inner]
 
 
-def _assembled(a: Volume, b: Volume, places: Places, labels: Mask) -> Volume:
+def _assemble(a: Volume, b: Volume, places: Places, labels: Mask) -> Volume:
     joined = np.zeros((*places.canvas, a.shape[3]), a.dtype)
     joined[places.box("b")] = b
     before = joined[places.overlap].copy()

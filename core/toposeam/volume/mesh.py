@@ -1,4 +1,4 @@
-"""A surface as triangles, and as PLY and STL files."""
+"""Meshes: surfaces as triangles, and as PLY and STL files."""
 
 from __future__ import annotations
 
@@ -49,9 +49,7 @@ class Mesh:
 
     @property
     def volume(self) -> float:
-        """Volume that a closed mesh holds; positive where its faces, seen from outside with x first, run
-        anticlockwise.
-        """
+        """Volume inside a closed mesh; positive if faces run anticlockwise, seen from outside, x first."""
         x = self.vertices[:, ::-1].astype(np.float64)[self.faces]
         return float(np.einsum("ij,ij->", x[:, 0], np.cross(x[:, 1], x[:, 2])) / 6)
 
@@ -68,7 +66,7 @@ class Mesh:
         Raises
         ------
         OSError
-            When it cannot be written; nothing half-written is left.
+            When the file cannot be written; an existing file is unchanged.
         """
         header = (
             "ply\nformat binary_little_endian 1.0\ncomment made by TopoSeam\n"
@@ -86,7 +84,7 @@ class Mesh:
         Raises
         ------
         OSError
-            When it cannot be written; nothing half-written is left.
+            When the file cannot be written; an existing file is unchanged.
         """
         table = np.zeros(
             len(self.faces), [("normal", "<f4", 3), ("corner", "<f4", (3, 3)), ("attribute", "<u2")]
@@ -121,14 +119,14 @@ def mesh_of(
     smooth : float
         Standard deviation, in voxels, of the Gaussian on the labels.
     start : three int
-        Which voxel the first one is.
+        Index, on the canvas, of the first voxel of `labels`.
     within : (d, h, w) bool array, optional
-        Voxels to look at.
+        Voxels in which the surface is searched; all by default.
 
     Raises
     ------
     OverlapError
-        When they change nowhere.
+        When the labels are constant.
     """
     from skimage.measure import marching_cubes
 
@@ -148,8 +146,9 @@ def mesh_of(
 
 
 def closed_mesh(field: npt.NDArray[np.floating], element: float) -> Mesh:
-    """Return the closed surface of where a field is above 0, also along the sides of its box, facing
-    outwards.
+    """Triangulate the closed surface of the region where a field is above 0, facing outwards.
+
+    Where the region reaches a side of the box, the side is part of the surface.
 
     Parameters
     ----------
@@ -160,7 +159,7 @@ def closed_mesh(field: npt.NDArray[np.floating], element: float) -> Mesh:
     Raises
     ------
     OverlapError
-        When it is above 0 nowhere.
+        When the field is nowhere above 0.
     """
     from skimage.measure import marching_cubes
 
@@ -169,9 +168,9 @@ def closed_mesh(field: npt.NDArray[np.floating], element: float) -> Mesh:
     around = np.pad(field, 1, mode="edge")
     inside = np.zeros(around.shape, bool)
     inside[1:-1, 1:-1, 1:-1] = True
-    # Beyond the box the field is what it is inside, with the other sign: the surface runs along the box.
+    # Continue the field beyond the box with the opposite sign, so that the surface runs along the box.
     around = np.where(inside, around, -np.abs(around)).astype(np.float32)
-    around[around == 0] = -1e-6  # a corner on the surface itself makes triangles without an area
+    around[around == 0] = -1e-6  # zeros at corners would make triangles without area
     vertices, faces, _, _ = marching_cubes(around, 0.0)  # type: ignore[no-untyped-call]
     mesh = Mesh(((vertices - 0.5) * element).astype(np.float32), faces.astype(np.int32))
     return mesh if mesh.volume > 0 else Mesh(mesh.vertices, mesh.faces[:, ::-1].copy())

@@ -36,19 +36,20 @@ class Surface:
     shown: Mask = field(repr=False)
     #: (d, h, w) float32 in [0, 1] on the problem's window, the label potential.
     potential: npt.NDArray[np.float32] = field(repr=False)
-    #: (D, H, W) bool, what shows ``b`` outside of the overlap.
+    #: (D, H, W) bool, True on voxels of ``b`` outside the overlap.
     only_b: Mask = field(repr=False)
     #: Σ M over the interfaces the surface cuts.
     cost: float
-    #: A cost that no surface of this overlap can undercut; 0 where nothing is proven.
+    #: Lower bound on the cost of every surface of this overlap; 0 if none is proven.
     bound: float = 0.0
     #: Name of the method that found it.
     method: str
-    #: One record for every fifty sweeps, `stage` counting the grids down to 1; empty for direct methods.
+    #: One record for every fifty sweeps; `stage` is the number of the grid, 1 for the finest. Direct methods
+    #: have none.
     history: tuple[Iteration, ...] = ()
     #: Why the method stopped.
     termination: Termination = Termination.DIRECT
-    #: Seconds the method took, match cost excluded.
+    #: Time of the method in seconds, without the match cost.
     seconds: float = 0.0
     #: The settings that reproduce the surface.
     settings: dict[str, Any] = field(default_factory=dict, repr=False)
@@ -75,8 +76,9 @@ class Surface:
 
     @cached_property
     def soft(self) -> npt.NDArray[np.float32]:
-        """(D, H, W) float32 in [0, 1]: 0 where ``a`` shows, 1 where ``b`` shows, between them the label
-        potential before the surface was decided.
+        """(D, H, W) float32 in [0, 1], the label potential before the surface was decided.
+
+        Outside the overlap it is 0 where ``a`` shows and 1 where ``b`` shows.
         """
         return self.problem.on_canvas(self.potential, self.only_b).astype(np.float32, copy=False)
 
@@ -104,8 +106,8 @@ class Surface:
         Parameters
         ----------
         smooth : float
-            How far the steps of the voxels are smoothed, in voxels (the standard deviation of a Gaussian on
-            the label map); 0 shows them as they are.
+            Standard deviation, in voxels, of a Gaussian on the label map, which smooths the steps of voxels;
+            0 for none.
 
         Raises
         ------

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import toposeam as ts
-from toposeam.motif.optimise.spots import _spread
+from toposeam.motif.optimise.spots import _random_places
 from toposeam.motif.symmetry import HEXAGONAL
 
 QUICK = {"size": 48, "layers": 2, "iterations": 6}
@@ -263,7 +263,7 @@ def test_arrangements_of_nothing_are_refused():
 def test_places_keep_out_of_what_a_base_image_blocks(axis):
     shown = np.ones((6, 10))
     (shown if axis else shown.T)[:2] = 0  # the upper third, or the left fifth
-    places = _spread(12, np.random.default_rng(0), 1.0, shown)
+    places = _random_places(12, np.random.default_rng(0), 1.0, shown)
     assert (places[:, axis] >= (2 / 6 if axis else 2 / 10)).all()
 
 

@@ -2,17 +2,21 @@
 
 import numpy as np
 
-from toposeam.path.levels import _over_sides, shortest_ways
+from toposeam.path.levels import _without_diagonals, shortest_ways
 
 
 def test_a_diagonal_step_goes_over_the_side_that_is_free():
     way = np.array([[3, 2], [2, 3], [2, 4], [3, 5]])
     cost = np.ones((5, 6))
-    np.testing.assert_array_equal(_over_sides(way, cost), [[3, 2], [3, 3], [2, 3], [2, 4], [2, 5], [3, 5]])
+    np.testing.assert_array_equal(
+        _without_diagonals(way, cost), [[3, 2], [3, 3], [2, 3], [2, 4], [2, 5], [3, 5]]
+    )
     cost[3, 3] = cost[2, 5] = np.inf
-    np.testing.assert_array_equal(_over_sides(way, cost), [[3, 2], [2, 2], [2, 3], [2, 4], [3, 4], [3, 5]])
+    np.testing.assert_array_equal(
+        _without_diagonals(way, cost), [[3, 2], [2, 2], [2, 3], [2, 4], [3, 4], [3, 5]]
+    )
     cost[2, 2] = np.inf  # now the first step leads between two obstacles
-    assert _over_sides(way, cost) is None
+    assert _without_diagonals(way, cost) is None
 
 
 def test_the_shortest_way_goes_round_obstacles_that_touch():

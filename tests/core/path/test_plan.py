@@ -10,7 +10,7 @@ from skimage.graph import MCP_Geometric
 import toposeam as ts
 from toposeam.heat.plate import Plate
 from toposeam.path import levels
-from toposeam.path.trace import cost_along, taut, trace
+from toposeam.path.trace import cost_along, pull_taut, trace
 
 
 def dijkstra_cost(cost, start, end):
@@ -165,13 +165,13 @@ def test_a_large_terrain_costs_no_more_than_led_over_as_a_whole(monkeypatch):
 
 def test_reduced_ground_is_a_geometric_mean_and_keeps_obstacles():
     cost = np.array([[1.0, 4.0, 2.0], [16.0, 1.0, np.inf], [3.0, 3.0, 5.0]])
-    np.testing.assert_allclose(levels.reduced(cost, 2, []), [[8**0.5, np.inf], [3.0, 5.0]])
+    np.testing.assert_allclose(levels.reduce_ground(cost, 2, []), [[8**0.5, np.inf], [3.0, 5.0]])
     # Where a way leads the obstacle is left out.
-    assert levels.reduced(cost, 2, [np.array([[0, 2]])])[0, 1] == pytest.approx(2.0)
+    assert levels.reduce_ground(cost, 2, [np.array([[0, 2]])])[0, 1] == pytest.approx(2.0)
 
 
 def test_a_finer_ground_is_open_beside_the_ways_only():
-    ground = levels._along([np.array([[10, 12]])], np.ones((9, 11)), 2, 2)
+    ground = levels._strip_along([np.array([[10, 12]])], np.ones((9, 11)), 2, 2)
     assert np.isfinite(ground).sum() == 25
     assert np.isfinite(ground[3:8, 4:9]).all()
 
@@ -239,11 +239,11 @@ def test_a_long_line_is_drawn_taut_between_some_of_its_points():
     steps = np.repeat([[[3, 0], [0, 3]]], 90, axis=0).reshape(-1, 2)
     line = np.repeat(np.sign(steps), 3, axis=0).cumsum(axis=0) + 0.5  # 540 points of a stair
     cost = np.ones((272, 272))
-    assert cost_along(taut(line, cost), cost) == pytest.approx(np.hypot(*(line[-1] - line[0])))
+    assert cost_along(pull_taut(line, cost), cost) == pytest.approx(np.hypot(*(line[-1] - line[0])))
     cost[:] = np.inf
     cost[line[:, 1].astype(int), line[:, 0].astype(int)] = 1  # the stair is all there is
-    assert np.isfinite(cost_along(taut(line, cost), cost))
-    assert cost_along(taut(line, cost), cost) <= cost_along(line, cost)
+    assert np.isfinite(cost_along(pull_taut(line, cost), cost))
+    assert cost_along(pull_taut(line, cost), cost) <= cost_along(line, cost)
     even = ts.plan_path((2, 60_000), (3, 0), (59_000, 1))
     assert even.length == pytest.approx(58_997, abs=1)
 
@@ -305,7 +305,7 @@ def test_of_all_ways_to_leave_points_out_the_cheapest_is_drawn(seed):
     line = np.array([(0, 0), (1, 0), (2, 1), (2, 2), (3, 3), (4, 3), (5, 4), (5, 5)]) + 0.5
     kept = [(0, *inner, 7) for count in range(7) for inner in combinations(range(1, 7), count)]
     least = min(cost_along(line[list(some)], cost) for some in kept)
-    assert cost_along(taut(line, cost), cost) == pytest.approx(least)
+    assert cost_along(pull_taut(line, cost), cost) == pytest.approx(least)
 
 
 def test_costs_of_several_ways_add_up():

@@ -10,9 +10,9 @@ from scipy import ndimage
 
 import toposeam as ts
 from toposeam.seam.problem import Overlap
-from toposeam.volume.blocks import _even
+from toposeam.volume.blocks import _even_chunks
 from toposeam.volume.heat import coarse_span
-from toposeam.volume.problem import SurfaceProblem, placed
+from toposeam.volume.problem import SurfaceProblem, place_stacks
 from toposeam.volume.problem.posing import surface_problem
 
 array = pytest.importorskip("dask.array")
@@ -30,7 +30,7 @@ def stacks(shape=(30, 40, 70), overlap=24, seed=0):
 
 def cost_of(labels, a, b, offset):
     """What labels of the common box cost."""
-    places = placed(a.shape, b.shape, offset)
+    places = place_stacks(a.shape, b.shape, offset)
     common = [stack[places.inside(places.overlap, which)] for stack, which in ((a, "a"), (b, "b"))]
     problem, _ = surface_problem(*common, None, None, 2, ts.seam.MatchCost())
     whole = Overlap(
@@ -71,7 +71,7 @@ def test_blocks_find_nearly_the_surface_of_the_whole():
 
 @pytest.mark.medium
 def test_coarse_voxels_and_a_second_round_hardly_cost_anything(monkeypatch):
-    monkeypatch.setattr("toposeam.volume.heat.block_surface._COARSE", 8000)
+    monkeypatch.setattr("toposeam.volume.heat.block_surface._MAX_COARSE_VOXELS", 8000)
     a, b, offset = stacks(seed=1)
     assert coarse_span((30, 40, 24)) == (2, 2, 1)
     whole = ts.join_volumes(a, b, offset=offset)
@@ -126,7 +126,7 @@ def test_a_cluster_joins_as_one_machine_does(dask_cluster):
 
 
 def test_shifted_blocks_have_borders_where_the_others_have_none():
-    plain, shifted = _even(100, 30), _even(100, 30, True)
+    plain, shifted = _even_chunks(100, 30), _even_chunks(100, 30, True)
     assert sum(plain) == sum(shifted) == 100
     assert max(plain) <= 30
     assert not set(np.cumsum(plain)[:-1]) & set(np.cumsum(shifted)[:-1])
@@ -174,7 +174,7 @@ def test_bad_input_is_one_sentence(change, text):
 @pytest.mark.parametrize("far", [10**8 + 1, -(10**8) - 1])
 def test_a_stack_lies_at_most_a_hundred_million_voxels_away(far):
     with pytest.raises(ts.OptionError, match="offset"):
-        placed((4, 4, 4), (4, 4, 4), (0, far, 0))
+        place_stacks((4, 4, 4), (4, 4, 4), (0, far, 0))
 
 
 def test_stacks_may_be_nested_lists():

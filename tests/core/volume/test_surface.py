@@ -9,8 +9,8 @@ from toposeam.heat.bricks import along
 from toposeam.heat.grid_flow import GridFlow
 from toposeam.heat.sweeps import Part
 from toposeam.seam.problem import A, B
-from toposeam.volume.heat import SurfaceOptions, heat_surface, refined
-from toposeam.volume.heat.levels import VolumeLevel, coarser, refined_filling
+from toposeam.volume.heat import SurfaceOptions, heat_surface, refine
+from toposeam.volume.heat.levels import VolumeLevel, coarsen, refine_filling
 from toposeam.volume.problem import face_areas
 from toposeam.volume.problem.posing import end_to_end, surface_problem
 
@@ -95,9 +95,9 @@ def test_a_slab_that_is_too_thin_grows(monkeypatch):
         solution, _ = heat_surface(problem, SurfaceOptions(whole=0))
         return problem.cost(solution.labels) / problem.cost(best.labels)
 
-    monkeypatch.setattr("toposeam.volume.heat.method._REACH", 2)
+    monkeypatch.setattr("toposeam.volume.heat.method._SLAB_REACH", 2)
     grown = ratio()
-    monkeypatch.setattr("toposeam.volume.heat.method._GROWTHS", 0)
+    monkeypatch.setattr("toposeam.volume.heat.method._MAX_GROWTHS", 0)
     assert grown < ratio() - 1e-3
     assert grown < 1 + 1e-3
 
@@ -403,22 +403,22 @@ def test_on_a_plane_the_sweeps_find_the_best_seam():
 
 def test_voxel_blocks_are_joined_by_the_sum_of_their_interfaces():
     cost, fixed, hot = cube(3, (18, 17, 16))
-    level = coarser(VolumeLevel(tuple(cost), fixed, hot, (1, 1, 1)))
+    level = coarsen(VolumeLevel(tuple(cost), fixed, hot, (1, 1, 1)))
     assert level.span == (2, 2, 2)
     assert level.fixed.shape == (9, 9, 8)
     assert level.cost[0][3, 2, 1] == pytest.approx(cost[0][7, 4:6, 2:4].sum())
     assert level.cost[1][2, 7, 5] == pytest.approx(cost[1][4:6, 15, 10:12].sum())
     assert level.fixed[0].all()
     assert level.hot[-1].all()
-    assert coarser(VolumeLevel(level.cost, level.fixed, level.hot, (2, 2, 2))) is None
+    assert coarsen(VolumeLevel(level.cost, level.fixed, level.hot, (2, 2, 2))) is None
 
 
 def test_what_blocks_found_spreads_to_their_voxels():
     values = np.arange(6, dtype=np.float32).reshape(3, 2)
-    fine = refined(values, (2, 1), (5, 2))
+    fine = refine(values, (2, 1), (5, 2))
     assert fine.tolist() == [[0, 1], [0, 1], [2, 3], [2, 3], [4, 5]]
     filled = [np.array([[0.2, 0.4], [0.6, 0.8]], np.float32)]
-    along_rows = refined_filling(filled, (2, 1), (5, 2))[0]
+    along_rows = refine_filling(filled, (2, 1), (5, 2))[0]
     np.testing.assert_allclose(along_rows[:, 0], [0.2, 0.2, 0.4, 0.6])
 
 

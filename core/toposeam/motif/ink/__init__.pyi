@@ -2,8 +2,8 @@ from .mixing import mix
 from .palettes import PALETTES, Palette, palette
 from .printing import MAX_PATTERN, Inked, checked_size
 from .sampling import resample
-from .stroke_edges import EDGES, beyond, fineness, level, printed, shading
-from .stroke_repair import mended
+from .stroke_edges import EDGES, coverage_beyond, fineness, level, print_layer, stroke_ends
+from .stroke_repair import repair_strokes
 from .svg import SvgOptions, check_counts, draw_svg
 
 __all__ = [
@@ -13,16 +13,16 @@ __all__ = [
     "Inked",
     "Palette",
     "SvgOptions",
-    "beyond",
     "check_counts",
     "checked_size",
+    "coverage_beyond",
     "draw_svg",
     "fineness",
     "level",
-    "mended",
     "mix",
     "palette",
-    "printed",
+    "print_layer",
+    "repair_strokes",
     "resample",
-    "shading",
+    "stroke_ends",
 ]

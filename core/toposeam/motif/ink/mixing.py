@@ -9,10 +9,9 @@ import numpy.typing as npt
 def mix(
     densities: npt.NDArray[np.floating], inks: npt.NDArray[np.floating], paper: npt.NDArray[np.floating]
 ) -> npt.NDArray[np.float32]:
-    """Return the colour of layers of ink over paper.
+    """Compute the colour of layers of ink over paper: paper · Π_l (1 - ρ_l (1 - C_l)).
 
-    Each layer takes from the light what its ink absorbs, in proportion to its density: paper Π (1 - ρ_l (1 -
-    C_l)).
+    Each layer absorbs light in proportion to its density ρ_l and to its ink's absorption 1 - C_l.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Colours that go together: a paper and the inks for it, by name or taken from a picture."""
+"""Palettes: a paper and the inks for it, by name or from a picture."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from toposeam.errors import OptionError, Term
 from toposeam.heat.threads import one_thread
 from toposeam.images import as_float
 
-#: Paper, then inks from the leading one on.
+#: Paper, then inks, the leading one first.
 PALETTES: dict[str, tuple[str, ...]] = {
     "spring": ("#fdf8ee", "#e58a9a", "#8fb86a", "#f2c14e", "#7fb3c8", "#c79bc7", "#5d8a66"),
     "summer": ("#fbfaf3", "#1f8a9e", "#f26d5b", "#f4b73f", "#3b6fb6", "#79b791", "#d94f70"),
@@ -59,8 +59,8 @@ def palette(source: str | npt.ArrayLike, n: int) -> Palette:
     Parameters
     ----------
     source : str or (H, W, 3) array_like
-        A name from `PALETTES`, whose inks are mixed where they are too few, or a picture: its lightest main
-        colour becomes the paper, the others the inks that give them on it.
+        A name from `PALETTES`, or a picture. If a named palette has too few inks, mixtures of them are added.
+        The lightest main colour of a picture becomes the paper; inks are chosen that print the others on it.
     n : int
         Number of inks.
 
@@ -104,8 +104,9 @@ def palette(source: str | npt.ArrayLike, n: int) -> Palette:
 
 
 def _mixed(paper: Floats, inks: list[Floats], count: int) -> list[Floats]:
-    """Mix up to `count` further inks, halves of two each: time and again the one that is least like the paper
-    and all inks there are.
+    """Mix up to `count` further inks, each of two in equal parts.
+
+    In each step the mixture is added that differs most from the paper and from all inks so far.
     """
     mixtures = [(one + other) / 2 for one, other in combinations(inks, 2)]
     chosen: list[Floats] = []
@@ -142,7 +143,10 @@ def _from_picture(source: npt.ArrayLike, n: int) -> Palette:
 
 
 def _cluster(pixels: Floats, n: int) -> tuple[Floats, Floats]:
-    """Main colours by k-means in a perceptual scale, from a farthest-point start that needs no chance."""
+    """Find the main colours and their numbers of pixels by k-means on a perceptual scale.
+
+    The start is deterministic: each centre is the pixel farthest from those before.
+    """
     from scipy.cluster.vq import kmeans2
 
     points = np.cbrt(pixels) @ np.array([[0.3, 0.6, 0.3], [0.6, -0.9, 0.5], [0.1, 0.3, -0.8]])
@@ -152,7 +156,7 @@ def _cluster(pixels: Floats, n: int) -> tuple[Floats, Floats]:
         nearest = np.minimum(nearest, np.square(points - points[chosen[-1]]).sum(1))
         chosen.append(int(np.argmax(nearest)))
     with one_thread(), warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # an empty cluster keeps the pixel it began with
+        warnings.simplefilter("ignore")  # an empty cluster keeps its first pixel
         _, label = kmeans2(points, points[chosen], 25, minit="matrix", missing="warn")
     counts = np.bincount(label, minlength=n).astype(np.float64)
     means = np.stack([pixels[label == c].mean(0) if counts[c] else pixels[chosen[c]] for c in range(n)])

@@ -15,17 +15,17 @@ from toposeam.checks import check_pair, check_whole
 from toposeam.display import to_png
 from toposeam.errors import OptionError, Term
 from toposeam.motif.ink.mixing import mix
-from toposeam.motif.ink.stroke_edges import fineness, printed, shading
+from toposeam.motif.ink.stroke_edges import fineness, print_layer, stroke_ends
 from toposeam.motif.ink.svg import draw_svg
 from toposeam.picture_files import PictureResult
 from toposeam.saving import save
 
-#: Patterns with more pixels are refused.
+#: Largest pattern, px: larger ones do not fit into the memory of usual machines.
 MAX_PATTERN = 400_000_000
 
 
 class Inked(PictureResult, ABC):
-    """Densities of inks on a cell that repeats; subclasses say what else they are."""
+    """Base class of printed patterns: densities of inks on a cell that repeats."""
 
     __slots__ = ()
 
@@ -35,7 +35,7 @@ class Inked(PictureResult, ABC):
     inks: npt.NDArray[np.float64]
     #: (3,) sRGB in [0, 1].
     paper: npt.NDArray[np.float64]
-    #: The rule it repeats by, one of `REPEATS`.
+    #: The rule by which the cell repeats, one of `REPEATS`.
     repeat: str
 
     @property
@@ -51,22 +51,23 @@ class Inked(PictureResult, ABC):
     @property
     @abstractmethod
     def record(self) -> Mapping[str, Any]:
-        """Record that reproduces it, for files; anything JSON can hold."""
+        """Record for files that reproduces the pattern; any values that JSON can hold."""
 
     @abstractmethod
     def sampled(self, layer: int, size: tuple[int, int]) -> npt.NDArray[np.float32]:
         """Return one layer's density, smoothly interpolated to (rows, columns)."""
 
     def ends(self, layer: int) -> tuple[float, np.float32]:
-        """Return the density at which a layer's strokes end in print, and the factor of those inside."""
+        """Return the density at which a layer's strokes end in print, and the factor on densities inside."""
         check_whole("layer", layer, 0, len(self.inks) - 1)
         fine = fineness((self.densities.shape[1], self.densities.shape[2]))
         size = fine * self.densities.shape[1], fine * self.densities.shape[2]
-        return shading(map(self.sampled, [layer], [size]), self.edges[layer], self.repeat, fine)
+        return stroke_ends(map(self.sampled, [layer], [size]), self.edges[layer], self.repeat, fine)
 
     def resampled(self, size: tuple[int, int] | None = None) -> npt.NDArray[np.float32]:
         """Return the densities on another number of elements, (n_L, H', W') float32, smoothly interpolated.
-        What is printed of them is `coverage`.
+
+        They have no stroke edges yet; `coverage` adds these.
 
         Parameters
         ----------
@@ -89,7 +90,7 @@ class Inked(PictureResult, ABC):
         Parameters
         ----------
         size : (rows, columns), optional
-            Any; the cell's own without it.
+            The cell's own by default.
 
         Raises
         ------
@@ -106,7 +107,7 @@ class Inked(PictureResult, ABC):
         elements = self.densities.shape[1], self.densities.shape[2]
         return np.stack(
             [
-                printed(partial(self.sampled, index), edge, self.repeat, elements, size, self.ends(index))
+                print_layer(partial(self.sampled, index), edge, self.repeat, elements, size, self.ends(index))
                 for index, edge in enumerate(self.edges)
             ]
         )
@@ -117,7 +118,7 @@ class Inked(PictureResult, ABC):
         Parameters
         ----------
         size : (rows, columns), optional
-            Any; the cell's own without it.
+            The cell's own by default.
 
         Returns
         -------
@@ -126,14 +127,14 @@ class Inked(PictureResult, ABC):
         return mix(self.coverage(size), self.inks, self.paper)
 
     def to_svg(self, path: str | Path | None = None, *, counts: tuple[float, float] = (1, 1)) -> str:
-        """Return the print as an SVG document; as a file too if a path is given.
+        """Return the print as an SVG document, and write it if a path is given.
 
         Parameters
         ----------
         path : str or Path, optional
             Written whole or not at all.
         counts : (rows, columns)
-            How many of it are shown, see :func:`draw_svg`.
+            Number of copies in the document; see :func:`draw_svg`.
 
         Returns
         -------
@@ -153,7 +154,7 @@ class Inked(PictureResult, ABC):
 
 
 def checked_size(size: tuple[int, int]) -> tuple[int, int]:
-    """(rows, columns) of a print.
+    """Check and return the (rows, columns) of a print.
 
     Raises
     ------

@@ -1,6 +1,4 @@
-"""Densities at any size: smooth enlargement, area means when reduced, both aware of the pattern's
-neighbours.
-"""
+"""Resampling of densities: smooth enlargement, area means in reduction, both across the cell's borders."""
 
 from __future__ import annotations
 
@@ -10,12 +8,12 @@ from scipy.ndimage import affine_transform, uniform_filter1d
 
 from toposeam.motif.symmetry.tiling import extend
 
-#: Elements of the neighbours that a cubic spline feels.
+#: Elements beyond the border that still influence a cubic spline inside.
 _MARGIN = 12
 
 
 def resample(field: npt.NDArray[np.floating], repeat: str, size: tuple[int, int]) -> npt.NDArray[np.float32]:
-    """Return a density, (h, w), on another number of elements.
+    """Resample a density, (h, w), to another number of elements.
 
     Enlarging interpolates by cubic splines; where an axis shrinks, it is first averaged over the width of the
     new elements.
@@ -38,7 +36,7 @@ def resample(field: npt.NDArray[np.floating], repeat: str, size: tuple[int, int]
 
 
 def _box(field: npt.NDArray[np.float64], width: float, axis: int) -> npt.NDArray[np.float64]:
-    """Return the mean over a window of any width, as a blend of the two nearest odd whole widths."""
+    """Average over windows of any width, by blending the two nearest odd whole widths."""
     low = max(1, int((width - 1) // 2) * 2 + 1)
     share = (width - low) / 2
     narrow: npt.NDArray[np.float64] = uniform_filter1d(field, low, axis=axis, mode="nearest")

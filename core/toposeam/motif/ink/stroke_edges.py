@@ -1,10 +1,10 @@
-r"""The edges of strokes: what is printed where the optimisation left a density between paper and ink.
+r"""Edges of strokes in print, where the optimised density lies between paper and ink.
 
-An optimised density is nearly 0 or 1, but for a haze a few elements wide round every stroke. Interpolated to
-print size the haze is a blur. Its contours are not: the line where the density, smoothed by a quarter of an
-element, crosses a level t is as sharp at any size, and t is chosen so that what lies above it is as much as
-the mean density. A stroke is then as wide as the mass that was spent on it. Pieces and holes that
-are too small to be meant are left out (:mod:`toposeam.motif.ink.stroke_repair`).
+An optimised density is nearly 0 or 1, except in a haze a few elements wide round every stroke. At print size
+the interpolated haze is a blur. A contour is sharp at any size: the line where the density, smoothed by a
+quarter of an element, crosses a level t. The level is chosen so that the share of the area above it equals
+the mean density; a stroke is then as wide as its mass allows. Pieces and holes that are too small to be
+intended are left out (:mod:`toposeam.motif.ink.stroke_repair`).
 
 On pixels the contour is drawn by its distance. Near it a density f rises by about \|f_x\| + \|f_y\| over the
 pixel, so that a pixel's share beyond the contour is (f - t) / (\|f_x\| + \|f_y\|) + 1/2, in [0, 1]: exact for
@@ -21,26 +21,27 @@ from scipy import ndimage
 
 from toposeam.arrays import Floats32
 from toposeam.checks import check_choice
-from toposeam.motif.ink.stroke_repair import crumbs, holes
+from toposeam.motif.ink.stroke_repair import find_crumbs, find_holes
 from toposeam.motif.symmetry.tiling import extend
 
-#: How a layer's strokes end: the haze unchanged; a line at the level of equal mass; or a line that keeps half
-#: of the haze, inside of which the ink shades.
+#: Stroke edges: the unchanged haze; a line at the level of equal mass; or a line at a lower level, inside of
+#: which the ink shades off.
 EDGES = ("soft", "crisp", "ink")
-#: Smoothing before contours are taken, in elements: takes the staircase off hard edges.
+#: Standard deviation of the blur before contours are taken, in elements: it removes stairs from hard edges.
 SMOOTHING = 0.25
-#: Share of a pixel from which on it is seen as ink.
-_SEEN = 0.1
-#: Ink goes on to this share of the level of equal mass.
-_WET = 0.5
-#: Cells smaller than this are doubled before their contours are taken.
-_FINE = 512
-#: Rows that are worked on at once have at most this many px.
+#: Least coverage of a pixel that is visible as ink.
+_MIN_VISIBLE = 0.1
+#: Level at which strokes of edge "ink" end, as a share of the level of equal mass.
+_INK_LEVEL = 0.5
+#: Least longer side, in elements, of cells whose contours are taken at one px per element; smaller cells take
+#: two.
+_FINE_SIDE = 512
+#: Largest number of px that are worked on at once, in strips of rows, to bound memory.
 _STRIP_PX = 8_000_000
 
 
 def level(field: npt.NDArray[np.floating], mass: float) -> float:
-    """Return the level above which a share `mass` of a field lies.
+    """Return the level above which the share `mass` of a field's elements lies.
 
     Examples
     --------
@@ -50,8 +51,8 @@ def level(field: npt.NDArray[np.floating], mass: float) -> float:
     return round(float(np.quantile(field, 1.0 - mass)), 6)
 
 
-def smoothed(field: Floats32, repeat: str, px_per_element: tuple[float, float]) -> Floats32:
-    """Blur a density as its contours are taken from, with the pattern's neighbours beyond its border."""
+def smooth_for_contours(field: Floats32, repeat: str, px_per_element: tuple[float, float]) -> Floats32:
+    """Blur a density for its contours, with the pattern's neighbours beyond its border."""
     sigma = [SMOOTHING * px for px in px_per_element]
     margin = int(np.ceil(4 * max(sigma)))
     wide = extend(field, repeat, margin)
@@ -59,8 +60,8 @@ def smoothed(field: Floats32, repeat: str, px_per_element: tuple[float, float]) 
     return blurred[margin : margin + field.shape[0], margin : margin + field.shape[1]]
 
 
-def beyond(field: Floats32, at: float, repeat: str) -> Floats32:
-    """Return the share of every pixel in which a field exceeds a level, in [0, 1]."""
+def coverage_beyond(field: Floats32, at: float, repeat: str) -> Floats32:
+    """Compute the share of each pixel's area in which a field exceeds a level, in [0, 1]."""
     result = np.empty(field.shape, np.float32)
     wide = extend(field, repeat, 1)
     rows = max(1, _STRIP_PX // wide.shape[1])
@@ -72,7 +73,7 @@ def beyond(field: Floats32, at: float, repeat: str) -> Floats32:
     return result
 
 
-def printed(
+def print_layer(
     sample: Callable[[tuple[int, int]], Floats32],
     edge: str,
     repeat: str,
@@ -85,18 +86,17 @@ def printed(
     Parameters
     ----------
     sample : callable
-        The density interpolated to (rows, columns).
+        Returns the density interpolated to (rows, columns).
     edge : str
         One of `EDGES`.
     repeat : str
-        The rule by which it goes on beyond its border.
+        The rule by which the pattern continues beyond the border.
     elements : (rows, columns)
-        Of the optimisation.
+        Size of the optimised density.
     size : (rows, columns)
-        Of the print, px. Fewer than elements are the means of a print with more.
+        Size of the print, px. If smaller than `elements`, the print is made larger and averaged.
     ends : (level, gain)
-        Where strokes end, and by what densities inside are multiplied: what `shading` found. Nothing for
-        soft ones.
+        Level at which strokes end and factor on densities inside, of `stroke_ends`; not used for "soft".
 
     Returns
     -------
@@ -112,11 +112,11 @@ def printed(
     at, gain = ends
     down, across = (-(-many // px) for many, px in zip(elements, size, strict=True))
     wide = down * size[0], across * size[1]
-    field = smoothed(sample(wide), repeat, (wide[0] / elements[0], wide[1] / elements[1]))
-    inside = beyond(field, at, repeat)
-    for least in (0.5, _SEEN):  # and what of the pixels round a crumb is left on its own
-        inside[crumbs(inside > least, repeat)] = 0
-    inside[holes(inside > 0.5, repeat)] = 1
+    field = smooth_for_contours(sample(wide), repeat, (wide[0] / elements[0], wide[1] / elements[1]))
+    inside = coverage_beyond(field, at, repeat)
+    for least in (0.5, _MIN_VISIBLE):  # then faint rests round a crumb
+        inside[find_crumbs(inside > least, repeat)] = 0
+    inside[find_holes(inside > 0.5, repeat)] = 1
     if edge == "ink":
         inside *= np.clip(field * gain, 0.0, 1.0)
     if down * across > 1:
@@ -125,28 +125,29 @@ def printed(
 
 
 def fineness(elements: tuple[int, int]) -> int:
-    """Px per element at which levels are found and contours drawn: two, for the sake of fine strokes, where
-    that is not too many.
-    """
-    return 2 if max(elements) < _FINE else 1
+    """Return the px per element at which contours are drawn: 2 on small cells, for fine strokes, else 1."""
+    return 2 if max(elements) < _FINE_SIDE else 1
 
 
-def shading(
+def stroke_ends(
     densities: Iterable[Floats32], edge: str, repeat: str, px_per_element: int
 ) -> tuple[float, np.float32]:
-    """Return the level at which a layer's strokes end, and the factor of the densities inside: with both the
-    mean stays what it is, of several cells that of all together. Soft ones do not end, and no density is
-    asked for.
+    """Find the level at which a layer's strokes end, and the factor on densities inside.
+
+    With both the print keeps the mean of the densities, taken over all given cells. For edge "soft" the level
+    is 0 and the factor 1, and `densities` is not read.
     """
     if edge == "soft":
         return 0.0, np.float32(1.0)
     densities = list(densities)
     mass = float(np.mean([density.mean() for density in densities]))
-    field = np.stack([smoothed(density, repeat, (px_per_element, px_per_element)) for density in densities])
+    field = np.stack(
+        [smooth_for_contours(density, repeat, (px_per_element, px_per_element)) for density in densities]
+    )
     at = level(field, mass)
     if edge == "crisp":
         return at, np.float32(1.0)
-    at *= _WET
+    at *= _INK_LEVEL
     tone = np.where(field > at, np.clip(field, 0.0, 1.0), 0.0)
     low, high = 1.0, 4.0
     for _ in range(20):

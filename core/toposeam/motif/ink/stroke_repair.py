@@ -1,10 +1,10 @@
-"""Strokes mended: gaps closed, pinholes filled, crumbs dropped.
+"""Repair of strokes: gaps are closed, pinholes filled, crumbs dropped.
 
 Heat does not cross the watershed between two sinks, nor the middle of a source. So strokes that meet there
-end a few elements from each other, square as if cut, and where many begin at one source its very middle stays
-pale. A contour, too, cuts the thin tips off twigs, which are left as crumbs. None of this is meant. Densities
-are closed by a small disc, which joins what is nearer than its width, and by an area closing (Vincent 1993).
-What is too small when strokes are printed, at whatever size, is found there.
+end a few elements from each other, as if cut, and the middle of a source with many strokes stays pale. A
+contour also cuts off the thin tips of twigs, which are left as crumbs. None of this is intended. Densities
+are closed by a small disc, which joins strokes nearer than its width, and by an area closing (Vincent 1993).
+Crumbs and holes of a print are found in the print itself, at its size.
 """
 
 from __future__ import annotations
@@ -20,44 +20,44 @@ from toposeam.arrays import Floats32, Mask
 from toposeam.motif.symmetry.rules import HEXAGONAL
 from toposeam.motif.symmetry.tiling import extend
 
-#: Radius of the disc that closes gaps, as a share of the cell's shorter side; cells of 90 elements or less
-#: are too coarse for one.
-_GAP = 1 / 180
-#: Holes and pieces of at most this share of the cell's area are filled and dropped.
-SMALLEST = 1 / 1500
-#: The disc is put together from these.
+#: Radius of the disc that closes gaps, as a share of the cell's shorter side; it rounds to 0 on cells of 90
+#: elements or fewer.
+_GAP_RADIUS = 1 / 180
+#: Largest area, as a share of the cell's, of holes that are filled and pieces that are dropped.
+MAX_CRUMB = 1 / 1500
+#: Footprints of which the disc is composed.
 _SQUARE = np.ones((3, 3), bool)
 _DIAMOND = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], bool)
 _HEXAGON = np.array([[1, 1, 0], [1, 1, 1], [0, 1, 1]], bool)
-#: Steps in which densities are compared; what changes by one only is rounding.
+#: Largest value of densities as uint16; a change by 1 is rounding.
 _STEPS = 65535
 
 
-def mended(density: Floats32, repeat: str, mass: float, kept: int = 0) -> Floats32:
+def repair_strokes(density: Floats32, repeat: str, mass: float, kept: int = 0) -> Floats32:
     """Close the gaps and pinholes of a layer's strokes.
 
     Parameters
     ----------
     density : (h, w) float32 array in [0, 1]
-        For hexagonal groups on the lattice.
+        For hexagonal groups, on the lattice.
     repeat : str
-        The rule by which it goes on beyond its border.
+        The rule by which the pattern continues beyond the border.
     mass : float
-        The mean that the result has where its bounds allow.
+        Mean of the result, where its bounds allow.
     kept : int
-        How many rows and columns along the border other motifs share, and stay as they are; the mean is then
-        as it comes.
+        Number of rows and columns along the border that stay unchanged, as other motifs share them. With any,
+        `mass` is not restored.
 
     Returns
     -------
     (h, w) float32 array in [0, 1]
     """
     smallest, hexagonal = _smallest(density.shape), repeat in HEXAGONAL
-    reach = round(min(density.shape) * _GAP)
+    reach = round(min(density.shape) * _GAP_RADIUS)
     margin = min(_reach(smallest) + 2 * reach, *density.shape)
     wide = np.pad(density, margin, "wrap") if hexagonal else extend(density, repeat, margin)
     steps = _closed(np.rint(wide * _STEPS).astype(np.uint16), reach, hexagonal=hexagonal)
-    # What reaches the end of what is looked at is not known to be small.
+    # Pieces that reach the end of the margin may be larger: the padding by 0 keeps them open.
     neighbours = _HEXAGON if hexagonal else _DIAMOND
     steps = area_closing(np.pad(steps, 1), smallest + 1, connectivity=neighbours)  # type: ignore[no-untyped-call]
     steps = steps[margin + 1 : -margin - 1, margin + 1 : -margin - 1]
@@ -73,13 +73,13 @@ def mended(density: Floats32, repeat: str, mass: float, kept: int = 0) -> Floats
     return scaled
 
 
-def crumbs(inside: Mask, repeat: str) -> Mask:
-    """Mark the pieces of a printed cell that are too small to be meant, with the pixels round them.
+def find_crumbs(inside: Mask, repeat: str) -> Mask:
+    """Mark the pieces of a printed cell that are too small to be intended, with the pixels round them.
 
     Parameters
     ----------
     inside : (H, W) bool array
-        What is printed of a whole cell, at any size.
+        The printed pixels of a whole cell, at any size.
     repeat : str
 
     Returns
@@ -89,22 +89,22 @@ def crumbs(inside: Mask, repeat: str) -> Mask:
     return _small(inside, repeat, _SQUARE)
 
 
-def holes(inside: Mask, repeat: str) -> Mask:
-    """Mark the holes that are too small to be meant, likewise."""
+def find_holes(inside: Mask, repeat: str) -> Mask:
+    """Mark the holes of a printed cell that are too small to be intended, with the pixels round them."""
     return _small(~inside, repeat, _DIAMOND)
 
 
 def _smallest(shape: tuple[int, ...]) -> int:
-    return round(math.prod(shape) * SMALLEST)
+    return round(math.prod(shape) * MAX_CRUMB)
 
 
 def _reach(smallest: int) -> int:
-    """How far a piece that is small may reach beyond a border, unless it is a thin line."""
+    """Return the margin, px, in which pieces of at most that area lie, unless they are thin lines."""
     return 4 * math.isqrt(smallest) + 2
 
 
 def _small(mask: Mask, repeat: str, neighbours: Mask) -> Mask:
-    """Mark the pieces of a mask that are small, and end within reach, with the pixels round them."""
+    """Mark the small pieces of a mask that end within the margin, with the pixels round them."""
     smallest = _smallest(mask.shape)
     margin = min(_reach(smallest), *mask.shape)
     labels, count = ndimage.label(extend(mask, repeat, margin), neighbours)
@@ -119,7 +119,7 @@ def _small(mask: Mask, repeat: str, neighbours: Mask) -> Mask:
 
 
 def _closed(steps: npt.NDArray[np.uint16], radius: int, *, hexagonal: bool) -> npt.NDArray[np.uint16]:
-    """Close by about a disc: by diamonds and squares in turn, on a hexagonal lattice by hexagons."""
+    """Close by an approximate disc: by diamonds and squares in turn, on a hexagonal lattice by hexagons."""
     shapes = [_HEXAGON] * 3 if hexagonal else [_DIAMOND, _DIAMOND, _SQUARE]
     footprints = [shapes[k % 3] for k in range(radius)]
     for step in (ndimage.grey_dilation, ndimage.grey_erosion):

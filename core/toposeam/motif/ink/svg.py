@@ -1,8 +1,7 @@
-"""A motif as vector graphics: contours of every layer, multiplied onto the paper, repeated by a pattern.
+"""Drawing of a motif as SVG: contours of every layer, multiplied onto the paper, repeated by a pattern.
 
-Each layer is a group that is blended by multiplication; within it areas of higher density lie on those of
-lower density in ordinary opaque colours, so that only the groups need blending and editors show layers that
-can be recoloured one by one.
+Each layer is a group that is blended by multiplication. Within a group, areas of higher density lie on those
+of lower density in opaque colours. So only the groups need blending, and editors can recolour each layer.
 """
 
 from __future__ import annotations
@@ -18,37 +17,37 @@ import numpy.typing as npt
 from scipy import ndimage
 
 from toposeam.arrays import Floats
-from toposeam.checks import check_kind, check_range, check_whole, options_from, unsuitable
+from toposeam.checks import check_kind, check_range, check_whole, kind_error, options_from
 from toposeam.colours import to_hex
 from toposeam.errors import OptionError, Term
 from toposeam.motif.ink.stroke_edges import SMOOTHING, fineness
-from toposeam.motif.ink.stroke_repair import crumbs, holes
+from toposeam.motif.ink.stroke_repair import find_crumbs, find_holes
 from toposeam.motif.symmetry.tiling import extend, period, tile
 from toposeam.vector.contours import MARGIN_PX, contour_beyond
 
-#: Documents of more characters are refused: no editor would open them.
+#: Largest document, in characters: editors do not open larger ones.
 LARGEST_CHARACTERS = 60_000_000
 
 
 @runtime_checkable
 class Drawable(Protocol):
-    """Drawable object: a :class:`toposeam.motif.ink.printing.Inked`."""
+    """Interface of what can be drawn, such as :class:`toposeam.motif.ink.printing.Inked`."""
 
     @property
     def densities(self) -> npt.NDArray[np.float32]:
-        """(n_L, H, W)."""
+        """(n_L, H, W) float32 in [0, 1]."""
 
     @property
     def inks(self) -> Floats:
-        """(n_L, 3) sRGB."""
+        """(n_L, 3) sRGB in [0, 1]."""
 
     @property
     def paper(self) -> Floats:
-        """(3,) sRGB."""
+        """(3,) sRGB in [0, 1]."""
 
     @property
     def repeat(self) -> str:
-        """The rule it repeats by."""
+        """The rule by which it repeats."""
 
     @property
     def edges(self) -> tuple[str, ...]:
@@ -60,10 +59,10 @@ class Drawable(Protocol):
 
     @property
     def record(self) -> Mapping[str, Any]:
-        """Record that reproduces it."""
+        """Record that reproduces it, as values that JSON can hold."""
 
     def ends(self, layer: int) -> tuple[float, np.float32]:
-        """Return the density at which a layer's strokes end in print, and the factor of those inside."""
+        """Return the density at which a layer's strokes end in print, and the factor on densities inside."""
 
     def resampled(self, size: tuple[int, int] | None = None) -> npt.NDArray[np.float32]:
         """Return the densities at another size."""
@@ -89,11 +88,11 @@ class SvgOptions:
     True
     """
 
-    #: Steps between paper and full ink; more show ink wash more smoothly.
+    #: Number of contours between paper and full ink; with more, ink wash is smoother.
     levels: int = 12
-    #: Width of one motif on paper, mm; None lets an element of the densities be one px.
+    #: Width of one motif on paper, mm; with None an element of the densities is one px.
     width_mm: float | None = None
-    #: Whether the paper is left out, so that what lies below shows.
+    #: Leave the paper out, so that the background shows.
     transparent: bool = False
 
     def __post_init__(self) -> None:
@@ -116,11 +115,11 @@ def draw_svg(
     ----------
     motif : Motif or Arrangement
     counts : (rows, columns)
-        How many motifs the document shows, whole numbers or not. One is drawn directly; more are a
-        ``<pattern>``, arranged by the motif's rule.
+        Number of motifs in the document, whole or not. One is drawn directly; more are a ``<pattern>``,
+        arranged by the motif's rule.
     options : SvgOptions
     note : mapping, optional
-        What is written into ``<metadata>`` beside the recipe; anything JSON can hold.
+        Entries for ``<metadata>`` beside the recipe; any values that JSON can hold.
     **given
         The options as plain keywords instead.
 
@@ -156,9 +155,9 @@ def draw_svg(
         try:
             json.dumps(dict(note))
         except (TypeError, ValueError, RecursionError) as error:
-            raise unsuitable("note", note, "a mapping of what JSON can hold") from error
+            raise kind_error("note", note, "a mapping of what JSON can hold") from error
     height, width = motif.densities.shape[1:]
-    # What a pattern repeats by translation: with mirrored, turned or shifted neighbours several motifs.
+    # The cell that repeats by translation holds several motifs if neighbours are mirrored, turned or shifted.
     single = (rows, columns) == (1, 1)
     down, across = (1, 1) if single else period(motif.repeat)
     rule = motif.repeat if (down, across) == (1, 1) else "translate"
@@ -225,7 +224,7 @@ def check_counts(counts: tuple[float, float]) -> None:
 
 
 class _Bands:
-    """The levels whose contours are drawn, and what is printed above each."""
+    """The levels whose contours are drawn, and the tones printed above each."""
 
     def __init__(self, edge: str, ends: tuple[float, np.float32], levels: int) -> None:
         self.gain = np.float32(1.0)
@@ -238,7 +237,7 @@ class _Bands:
         self.thresholds = self.thresholds[self.thresholds >= at]
 
     def tones(self, smooth: Floats) -> Floats:
-        """Compute the tones between the levels: the mean there, so that the whole keeps its tone."""
+        """Compute the mean tone between successive levels, so that the whole keeps its tone."""
         many = len(self.thresholds) + 1
         if self.edge == "crisp":
             return np.array([0.0, 1.0])
@@ -255,19 +254,19 @@ class _Bands:
 def _layer(
     density: npt.NDArray[np.float32], rule: str, ink: Floats, name: tuple[int, str], bands: _Bands, fine: int
 ) -> list[str]:
-    """Return one ink's group. Levels lie half-way between the densities whose colours they part."""
+    """Return the lines of one ink's SVG group."""
     blur = int(np.ceil(4 * SMOOTHING * fine))
     wide = extend(density, rule, MARGIN_PX + blur).astype(np.float64)
     inner = slice(blur, len(wide) - blur), slice(blur, wide.shape[1] - blur)
     smooth = ndimage.gaussian_filter(wide, SMOOTHING * fine)[inner]
     if bands.edge != "soft":
-        smooth = _whole(smooth, rule, float(bands.thresholds[0]))
+        smooth = _without_crumbs(smooth, rule, float(bands.thresholds[0]))
     typical = bands.tones(smooth[MARGIN_PX:-MARGIN_PX, MARGIN_PX:-MARGIN_PX])
     lines = [
         f'<g id="ink-{name[0]}" inkscape:groupmode="layer" inkscape:label="{escape(name[1])}" '
         'style="mix-blend-mode:multiply">'
     ]
-    if typical[0] > 0:  # the thin haze where no contour is
+    if typical[0] > 0:  # the faint tone below the first level
         across, down = (size // fine + MARGIN_PX for size in (smooth.shape[1], smooth.shape[0]))
         colour = to_hex(1.0 - typical[0] * (1.0 - ink))
         lines.append(
@@ -281,11 +280,11 @@ def _layer(
     return [*lines, "</g>"]
 
 
-def _whole(smooth: Floats, rule: str, at: float) -> Floats:
-    """Return a cell and what lies round it without pieces and holes that are too small."""
+def _without_crumbs(smooth: Floats, rule: str, at: float) -> Floats:
+    """Remove pieces and holes that are too small from a cell with a margin."""
     inside = smooth[MARGIN_PX:-MARGIN_PX, MARGIN_PX:-MARGIN_PX] > at
-    smooth = np.where(extend(crumbs(inside, rule), rule, MARGIN_PX), 0.0, smooth)
-    return np.where(extend(holes(inside, rule), rule, MARGIN_PX), np.maximum(smooth, 1.5 * at), smooth)
+    smooth = np.where(extend(find_crumbs(inside, rule), rule, MARGIN_PX), 0.0, smooth)
+    return np.where(extend(find_holes(inside, rule), rule, MARGIN_PX), np.maximum(smooth, 1.5 * at), smooth)
 
 
 def _number(value: float) -> str:

@@ -1,11 +1,11 @@
 from .compound import JoinOptions, Member, generate_row
 from .conduction import VOID, nominal_conductivity, power
 from .hexagonal_lattice import tile_size, to_tile
-from .layer import THINNEST, TOLERANCE, Step, optimise_layer, plan, problem_at
-from .spots import Points, placed_around
+from .layer import MIN_DENSITY, TOLERANCE, Step, optimise_layer, plan, problem_at
+from .spots import Points, place_around
 
 __all__ = [
-    "THINNEST",
+    "MIN_DENSITY",
     "TOLERANCE",
     "VOID",
     "JoinOptions",
@@ -15,7 +15,7 @@ __all__ = [
     "generate_row",
     "nominal_conductivity",
     "optimise_layer",
-    "placed_around",
+    "place_around",
     "plan",
     "power",
     "problem_at",

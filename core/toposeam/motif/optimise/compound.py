@@ -16,13 +16,13 @@ from toposeam.motif.ink.sampling import resample
 from toposeam.motif.optimise.conduction import LayerProblem
 from toposeam.motif.optimise.layer import (
     ENERGY,
-    THINNEST,
+    MIN_DENSITY,
     TOLERANCE,
     Step,
-    carry,
-    finer_temperature,
     plan,
     problem_at,
+    refine_density,
+    refine_temperature,
     update,
 )
 from toposeam.motif.recipe.recipe import LayerRecipe, Recipe
@@ -30,13 +30,13 @@ from toposeam.motif.symmetry.mirrors import Mirrors, mirrors
 from toposeam.motif.symmetry.rules import joint, symmetry
 from toposeam.optimize.oc import OCOptions
 
-#: How a compound repeats, in which two motifs alternate in both directions.
-_EXCHANGE = "brick"
+#: Rule by which a compound of two motifs repeats, so that they alternate in both directions.
+_COMPOUND_RULE = "brick"
 
 
 @dataclass(frozen=True)
 class JoinOptions:
-    """Options common to all stages of a row: w of (4.10), the ring's width, the progress callback."""
+    """Options of all stages of a row: weight w of (4.10), width of the shared ring, progress callback."""
 
     weight: float
     shared: int
@@ -44,7 +44,7 @@ class JoinOptions:
 
 
 class Member:
-    """One motif of a row: fixed once it has densities."""
+    """A motif of a row; it is fixed once it has densities."""
 
     def __init__(self, recipe: Recipe, densities: list[npt.NDArray[np.float32]] | None, stage: int) -> None:
         self.recipe, self.densities, self.stage = recipe, densities, stage
@@ -52,7 +52,7 @@ class Member:
 
 
 class _Plate:
-    """A plate in the objective, the members whose designs lie on it side by side, and its weight."""
+    """A plate of the objective: its problem, its weight, and the members that lie on it side by side."""
 
     def __init__(self, problem: LayerProblem, members: tuple[int, ...], weight: float) -> None:
         self.problem, self.members, self.weight = problem, members, weight
@@ -69,23 +69,23 @@ class _Plate:
         return np.concatenate([designs[member] for member in self.members], axis=1)
 
     def solve(self, designs: list[Floats], penalties: list[float]) -> Temperature:
-        """Return the steady state, started from the one before."""
+        """Solve for the steady state, starting from the previous temperature."""
         k = self.problem.conductivity(self._design(designs), self._penalty(penalties))
         state = self.problem.plate.solve(k, self.temperature, tolerance=TOLERANCE, energy=ENERGY)
         self.temperature = state.nodes
         return state
 
     def slopes(self, designs: list[Floats], penalties: list[float], state: Temperature) -> list[Floats]:
-        """Return the weighted filtered sensitivity of each member."""
+        """Compute the weighted filtered sensitivity of each member."""
         design = self._design(designs)
-        slope = self.weight * self.problem.filtered(
+        slope = self.weight * self.problem.filter_sensitivity(
             design, self.problem.sensitivity(design, self._penalty(penalties), state.energy)
         )
         return np.split(slope, len(self.members), axis=1)
 
 
 def generate_row(row: list[Member], options: JoinOptions) -> None:
-    """Fill in the members without densities, next to those that have some."""
+    """Optimise the members without densities, together with their fixed neighbours."""
     new = [index for index, member in enumerate(row) if member.densities is None]
     pairs = list(combinations(new, 2))
     if len(new) < len(row):
@@ -100,7 +100,7 @@ def generate_row(row: list[Member], options: JoinOptions) -> None:
 def _optimise(
     row: list[Member], pairs: list[tuple[int, int]], layer: int, options: JoinOptions
 ) -> tuple[list[Floats], list[list[Step]]]:
-    """Optimise one layer of all members; fixed ones come back unchanged, with no steps.
+    """Optimise one layer of all members; fixed ones are returned unchanged, without steps.
 
     A worked example: of two new motifs A and B with w = 0.3 there are three plates, A and B of weight 0.7 and
     the compound AB of weight 0.3, twice as wide. An iteration
@@ -108,10 +108,10 @@ def _optimise(
     1. solves all three for their temperatures. AB's plate lies over the designs of A and B side by side;
     2. takes ∂Π/∂ρ on each. AB's is cut in its two halves, and A's slope is 0.7 times its own plus 0.3
        times the left half, which is the derivative of (4.10);
-    3. moves A, then B, by an OC step under a mass bound each (4.11), with as much mass in each row near the
-       border as in those beyond, as at mirrors;
-    4. where a ring is shared, replaces the ring of both by the mean of their rings, and takes the step
-       again with the ring held, so that the mass still meets its bound.
+    3. moves A, then B, by an OC step under a mass bound each (4.11). Rows near the border get as much mass as
+       those beyond, as at mirrors;
+    4. if a ring is shared, replaces the ring of both by the mean of their rings, and takes the step again
+       with the ring fixed, so that the mass still meets its bound.
 
     In a later stage A and B are fixed and C lies between them: the plates are C, AC and CB, and only C moves.
     """
@@ -128,10 +128,12 @@ def _optimise(
         plates += [_Plate(_compound(problems[a], problems[b]), (a, b), options.weight) for a, b in pairs]
         plates = [plate for plate in plates if plate.weight > 0]
         for plate, nodes in zip(plates, temperatures, strict=False):
-            plate.temperature = None if nodes is None else finer_temperature(nodes, plate.problem.plate.shape)
+            plate.temperature = (
+                None if nodes is None else refine_temperature(nodes, plate.problem.plate.shape)
+            )
         carried: list[Floats] | list[None] = designs or [None] * len(row)
         designs = [
-            _start(member, layer, problem, coarse)
+            _first_design(member, layer, problem, coarse)
             for member, problem, coarse in zip(row, problems, carried, strict=True)
         ]
         if not temperatures and len(new) < len(row):
@@ -143,7 +145,7 @@ def _optimise(
             slopes, found = _slopes(plates, designs, penalties)
             for index in new:
                 steps[index].append(replace(found[index], mass=float(designs[index].mean())))
-            _move(designs, slopes, new, border, layers, recipes[0].move, ring)
+            _update_designs(designs, slopes, new, border, layers, recipes[0].move, ring)
             options.report()
         temperatures = [plate.temperature for plate in plates]
     return designs, steps
@@ -152,7 +154,7 @@ def _optimise(
 def _slopes(
     plates: list[_Plate], designs: list[Floats], penalties: list[float]
 ) -> tuple[list[Floats], list[Step]]:
-    """Return the derivative of (4.10) by every member's design, and what the iteration found for each."""
+    """Compute the derivative of (4.10) by every member's design, and the record of the iteration for each."""
     slopes = [np.zeros(design.shape) for design in designs]
     steps = [Step(rows=len(design), compliance=0.0, mass=0.0, solver=0) for design in designs]
     for plate in plates:
@@ -168,7 +170,7 @@ def _slopes(
     return slopes, steps
 
 
-def _move(
+def _update_designs(
     designs: list[Floats],
     slopes: list[Floats],
     new: list[int],
@@ -180,13 +182,13 @@ def _move(
     """Compute the next design of every new member, in place."""
     bounds = OCOptions(move=limit)
 
-    def proposed(lower: Floats | float = THINNEST, upper: Floats | float = 1.0) -> dict[int, Floats]:
+    def proposed(lower: Floats | float = MIN_DENSITY, upper: Floats | float = 1.0) -> dict[int, Floats]:
         found = {}
         for index in new:
             before, mass = designs[index], layers[index].mass
             step = update(before, slopes[index], border.symmetry, mass, bounds, lower, upper)
             lowest, highest = np.maximum(before - limit, lower), np.minimum(before + limit, upper)
-            found[index] = border.held(step, mass, lowest, highest, wash=layers[index].edge != "crisp")
+            found[index] = border.balance(step, mass, lowest, highest, wash=layers[index].edge != "crisp")
         return found
 
     found = proposed()
@@ -198,20 +200,18 @@ def _move(
 
 
 def _interpolate(designs: list[Floats], new: list[int], masses: list[float]) -> None:
-    """Start new members as blends of their fixed neighbours, so that strokes which both have on the border
-    stay.
-    """
+    """Start new members as blends of their fixed neighbours, so that strokes common to both stay."""
     fixed = [index for index in range(len(designs)) if index not in new]
     for index in new:
         left = max(i for i in fixed if i < index)
         right = min(i for i in fixed if i > index)
         share = (index - left) / (right - left)
         blend = (1 - share) * designs[left] + share * designs[right]
-        designs[index] = np.clip(blend * (masses[index] / blend.mean()), THINNEST, 1.0)
+        designs[index] = np.clip(blend * (masses[index] / blend.mean()), MIN_DENSITY, 1.0)
 
 
 class _Ring:
-    """The outermost elements of a cell, which all members share: where one has ink there, all have."""
+    """The outermost elements of a cell, whose densities are equal in all members."""
 
     def __init__(self, shape: tuple[int, int], width: int, designs: list[Floats], new: list[int]) -> None:
         self.width = min(width, min(shape) // 4)
@@ -226,25 +226,25 @@ class _Ring:
                 designs[index] = np.where(self._inside, designs[index], self._values)
 
     def share(self, designs: dict[int, Floats]) -> None:
-        """Take what the fixed members have there, or the mean of what new ones would have."""
+        """Set the ring to the mean of the fixed members' rings, or of the new designs' if none is fixed."""
         if self.width:
             self._values = np.mean(list(designs.values()), axis=0) if self._fixed is None else self._fixed
 
     def limits(self) -> tuple[Floats, Floats]:
-        """Return the bounds on the densities that hold the ring where it is."""
-        return np.where(self._inside, THINNEST, self._values), np.where(self._inside, 1.0, self._values)
+        """Return bounds on the densities that fix the ring."""
+        return np.where(self._inside, MIN_DENSITY, self._values), np.where(self._inside, 1.0, self._values)
 
 
-def _start(member: Member, layer: int, problem: LayerProblem, coarse: Floats | None) -> Floats:
-    """Return a member's design on a plate: the fixed one, that of the coarser plate, or an even one."""
+def _first_design(member: Member, layer: int, problem: LayerProblem, coarse: Floats | None) -> Floats:
+    """Return a member's first design on a plate: fixed, from the coarser plate, or even."""
     recipe, shape = member.recipe, problem.plate.shape
     if member.densities is not None:
         return np.clip(
-            resample(member.densities[layer], recipe.repeat, shape).astype(np.float64), THINNEST, 1.0
+            resample(member.densities[layer], recipe.repeat, shape).astype(np.float64), MIN_DENSITY, 1.0
         )
     if coarse is None:
         return np.full(shape, recipe.layers[layer].mass)
-    return carry(coarse, problem, recipe.layers[layer].mass)
+    return refine_density(coarse, problem, recipe.layers[layer].mass)
 
 
 def _compound(a: LayerProblem, b: LayerProblem) -> LayerProblem:
@@ -252,12 +252,12 @@ def _compound(a: LayerProblem, b: LayerProblem) -> LayerProblem:
     plate = Plate(
         np.concatenate([a.plate.heat, b.plate.heat], axis=1),
         np.concatenate([a.plate.convection, b.plate.convection], axis=1),
-        joint(_EXCHANGE),
+        joint(_COMPOUND_RULE),
     )
     return LayerProblem(
         plate,
         np.concatenate([a.nominal, b.nominal], axis=1),
-        symmetry(_EXCHANGE, plate.shape),
-        _EXCHANGE,
+        symmetry(_COMPOUND_RULE, plate.shape),
+        _COMPOUND_RULE,
         a.radius,
     )

@@ -29,12 +29,12 @@ from toposeam.motif.symmetry.tiling import extend, shift_of
 
 #: Conductivity of an empty element as a share of a full one's.
 VOID = 1e-3
-#: Radius of a source or a sink as a share of the cell's shorter side.
-SPOT = 0.012
-#: Nominal conductivity where a base image of full strength blocks the way.
+#: Radius of a source or a sink, as a share of the cell's shorter side.
+SPOT_RADIUS = 0.012
+#: Nominal conductivity at the blocked end of a base image of full strength, relative to the open end.
 _BLOCKED = 0.02
-#: Least radius of the filter at full size, in elements.
-_SMOOTH = 1.5
+#: Least radius of the filter at full size, in elements, for smooth edges of strokes.
+_MIN_RADIUS = 1.5
 #: Convection of all sinks together, relative to the conductivity.
 _CONVECTION = 4.0
 
@@ -63,29 +63,32 @@ class LayerProblem:
     @classmethod
     @lru_cache(maxsize=4)
     def nominal_of(cls, base: str, strength: float, law: str, repeat: str, shape: tuple[int, int]) -> Floats:
-        """k_e of a packed base image, equal along the orbits; all layers share it, and it is read-only."""
-        brightness = None if not base else cls.shown(unpack_base(base), shape)
+        """Compute k_e of a packed base image, averaged over the orbits; a read-only array for all layers."""
+        brightness = None if not base else cls.base_on_elements(unpack_base(base), shape)
         nominal = symmetry(repeat, shape).mean(nominal_conductivity(brightness, strength, shape, law))
         nominal.flags.writeable = False
         return nominal
 
     @staticmethod
-    def shown(brightness: npt.NDArray[np.float32], shape: tuple[int, int]) -> npt.NDArray[np.floating]:
-        """Return a base image on the cell's elements."""
+    def base_on_elements(
+        brightness: npt.NDArray[np.float32], shape: tuple[int, int]
+    ) -> npt.NDArray[np.floating]:
+        """Resample a base image to the cell's elements."""
         return resample(brightness, "none", shape)
 
     @staticmethod
     def loads(
         layer: LayerRecipe, orbits: Symmetry, nominal: Floats, sources: Floats, sinks: Floats
     ) -> tuple[Floats, Floats]:
-        """Heat, one in all, and convection, both equal along the orbits. Ambient heat goes where heat is
-        conducted.
+        """Compute the heat load, of sum 1, and the convection, both averaged over the orbits.
+
+        Ambient heat is distributed in proportion to the nominal conductivity.
         """
         heat = (1.0 - layer.ambient) * sources + layer.ambient * nominal / nominal.sum()
         return orbits.mean(heat), orbits.mean(_CONVECTION * sinks)
 
     def conductivity(self, density: Floats, penalty: Floats | float) -> Floats:
-        """k_e (ε + (1 - ε) ρ^p)."""
+        """Compute k_e (ε + (1 - ε) ρ^p)."""
         k: Floats = power(density, penalty)
         k *= 1.0 - VOID
         k += VOID
@@ -93,15 +96,15 @@ class LayerProblem:
         return k
 
     def sensitivity(self, density: Floats, penalty: Floats | float, energy: Floats) -> Floats:
-        """∂Π/∂ρ, not filtered."""
+        """Compute ∂Π/∂ρ, not filtered."""
         slope: Floats = power(density, penalty - 1.0)
         slope *= -(1.0 - VOID) * penalty
         slope *= self.nominal
         slope *= energy
         return slope
 
-    def filtered(self, density: Floats, sensitivity: Floats) -> Floats:
-        """Return the filtered sensitivities."""
+    def filter_sensitivity(self, density: Floats, sensitivity: Floats) -> Floats:
+        """Filter sensitivities: weighted means of ρ ∂Π/∂ρ over the neighbours, divided by ρ."""
         reach = math.ceil(self.radius) - 1
         if reach < 1:
             return sensitivity
@@ -112,17 +115,15 @@ class LayerProblem:
         result: Floats = wide[reach:-reach, reach:-reach] / density
         return result
 
-    def finer(self, density: Floats, shape: tuple[int, int]) -> Floats:
-        """Return the densities on a plate of twice the size."""
+    def refine(self, density: Floats, shape: tuple[int, int]) -> Floats:
+        """Resample the densities to a plate of twice the size."""
         return resample(density, self.repeat, shape).astype(np.float64)
 
 
 def filter_radius(recipe: Recipe, shape: tuple[int, int]) -> float:
-    """Return the filter's radius on a plate, in elements; at full size wide enough to smooth the strokes'
-    edges.
-    """
+    """Return the filter's radius on a plate, in elements; at full size at least `_MIN_RADIUS`, if not 0."""
     radius = recipe.filter_radius * min(shape) / 100
-    return max(radius, _SMOOTH) if radius > 0 and shape == recipe.size else radius
+    return max(radius, _MIN_RADIUS) if radius > 0 and shape == recipe.size else radius
 
 
 def nominal_conductivity(
@@ -131,11 +132,12 @@ def nominal_conductivity(
     shape: tuple[int, int],
     law: str = "contrast",
 ) -> Floats:
-    """k_e, 1 where a base image is brightest (or darkest, for strengths below 0).
+    """Compute the nominal conductivity k_e of a base image.
 
-    By the law "contrast" it falls geometrically from there; at strength ±1 the other end of what the image
-    has conducts a fiftieth. By "brightness" it is proportional to the brightness, black conducting as little
-    as void (thesis 4.2); strengths below 1 mix that with an even 1. At 0 the image does not matter.
+    By the law "contrast" k_e falls geometrically from 1, where the image is brightest (for strengths below 0:
+    darkest), to 1/50 at the other end of its range, at strength ±1. By the law "brightness" k_e is
+    proportional to the brightness, and black conducts as little as void (thesis 4.2); lower strengths mix
+    this with an even 1. At strength 0 the image has no influence.
     """
     if brightness is None:
         return np.ones(shape)
@@ -150,7 +152,7 @@ def nominal_conductivity(
 
 
 def power(density: Floats, exponent: Floats | float) -> Floats:
-    """ρ^p, the small whole p without a logarithm."""
+    """Compute ρ^p, for p = 0, 1, 2, 3 without a logarithm."""
     if np.ndim(exponent):
         varied: Floats = density**exponent
         return varied
@@ -167,9 +169,9 @@ def power(density: Floats, exponent: Floats | float) -> Floats:
 
 
 def _spots(points: tuple[Point, ...], shape: tuple[int, int], repeat: str) -> Floats:
-    """Return discs around points with the given relative strengths, one in all."""
+    """Return discs round points, with the given relative strengths, as a field of sum 1."""
     h, w = shape
-    radius = max(SPOT * min(h, w), 0.75)
+    radius = max(SPOT_RADIUS * min(h, w), 0.75)
     field = np.zeros(shape)
     reach = (radius + 1) / min(h, w)
     y, x = np.arange(h) + 0.5, np.arange(w) + 0.5
@@ -189,7 +191,7 @@ def _spots(points: tuple[Point, ...], shape: tuple[int, int], repeat: str) -> Fl
 
 
 def _copies(repeat: str) -> list[tuple[int, int]]:
-    """Return the cells that a spot near the border may reach into: those of a torus."""
+    """Return the offsets of neighbouring cells into which a spot near the border may reach."""
     if repeat in ("none", "reflect", "rotate"):
         return [(0, 0)]
     reach = (-2, -1, 0, 1, 2) if shift_of(repeat) else (-1, 0, 1)

@@ -1,5 +1,4 @@
-"""Layers on a hexagonal lattice: densities at the nodes of a sheared cell, and the rectangular tile they are
-printed from.
+"""Layers on a hexagonal lattice: densities at the nodes of a sheared cell, and the rectangular printed tile.
 
 The lattice vectors are (1, 0) and (-1/2, √3/2) cells. A rectangle of 1 × √3 cells holds two cells and repeats
 by translation.
@@ -15,13 +14,13 @@ from scipy.ndimage import map_coordinates, spline_filter, uniform_filter1d
 
 from toposeam.arrays import Floats
 from toposeam.heat.plate_triangles import TrianglePlate
-from toposeam.motif.optimise.conduction import SPOT, VOID, LayerProblem, filter_radius, power
+from toposeam.motif.optimise.conduction import SPOT_RADIUS, VOID, LayerProblem, filter_radius, power
 from toposeam.motif.recipe.recipe import LayerRecipe, Point, Recipe
 from toposeam.motif.symmetry.rules import symmetry
 
-#: Neighbouring lattice points, the nearest of which may lie across the cell's border.
+#: Offsets of lattice points to search for the nearest one, which may lie beyond the cell's border.
 _AROUND = [(u, v) for u in (-1, 0, 1) for v in (-1, 0, 1)]
-#: Side of the square round a lattice point on which a base image is shown, in cells.
+#: Side of the square round a lattice point that a base image covers, in cells.
 _BASE_WIDTH = 1.0
 
 
@@ -32,7 +31,7 @@ def tile_size(cells: int) -> tuple[int, int]:
 
 @dataclass(frozen=True, eq=False)
 class HexagonalProblem(LayerProblem):
-    """A layer whose densities belong to nodes; a triangle's is the mean of its corners'."""
+    """A layer with densities at nodes; a triangle's density is the mean of its corners'."""
 
     @classmethod
     def at(cls, layer: LayerRecipe, recipe: Recipe, shape: tuple[int, int]) -> LayerProblem:
@@ -45,8 +44,10 @@ class HexagonalProblem(LayerProblem):
         return cls(plate, _at_triangles(nominal), orbits, recipe.repeat, filter_radius(recipe, shape))
 
     @staticmethod
-    def shown(brightness: npt.NDArray[np.float32], shape: tuple[int, int]) -> npt.NDArray[np.floating]:
-        """Return a base image round every lattice point."""
+    def base_on_elements(
+        brightness: npt.NDArray[np.float32], shape: tuple[int, int]
+    ) -> npt.NDArray[np.floating]:
+        """Resample a base image, upright round every lattice point."""
         return _shown_round_lattice_points(brightness, shape)
 
     def conductivity(self, density: Floats, penalty: Floats | float) -> Floats:
@@ -54,7 +55,7 @@ class HexagonalProblem(LayerProblem):
         return super().conductivity(_at_triangles(density), penalty)
 
     def sensitivity(self, density: Floats, penalty: Floats | float, energy: Floats) -> Floats:
-        """∂Π/∂ρ of every node: a third of that of each of its six triangles."""
+        """Compute ∂Π/∂ρ of every node: the sum of a third of that of each of its six triangles."""
         slope = power(_at_triangles(density), penalty - 1.0)
         slope *= -(1.0 - VOID) * penalty / 3
         slope *= self.nominal
@@ -64,23 +65,23 @@ class HexagonalProblem(LayerProblem):
         nodes: Floats = both + np.roll(both, (1, 1), (0, 1)) + np.roll(first, 1, 1) + np.roll(second, 1, 0)
         return nodes
 
-    def finer(self, density: Floats, shape: tuple[int, int]) -> Floats:
-        """Return the densities of the nodes of a lattice of twice as many."""
+    def refine(self, density: Floats, shape: tuple[int, int]) -> Floats:
+        """Interpolate the densities on a lattice with twice as many nodes along each side."""
         v, u = np.meshgrid(np.arange(shape[0]) / 2, np.arange(shape[1]) / 2, indexing="ij")
         fine: Floats = map_coordinates(density, [v, u], order=3, mode="grid-wrap")
         return fine
 
 
 def _at_triangles(nodes: Floats) -> Floats:
-    """Return the mean of the corners of the first and the second triangle of every rhombus."""
+    """Average the corners of the first and of the second triangle of every rhombus: (2, h, w)."""
     right, below, opposite = np.roll(nodes, -1, 1), np.roll(nodes, -1, 0), np.roll(nodes, (-1, -1), (0, 1))
     return np.stack([nodes + right + opposite, nodes + below + opposite]) / 3
 
 
 def _spots(points: tuple[Point, ...], shape: tuple[int, int]) -> Floats:
-    """Compute `LayerProblem`'s spots in the lattice's metric."""
+    """Return discs round points in the lattice's metric, with relative strengths, as a field of sum 1."""
     side = shape[0]
-    radius = max(SPOT * side, 0.75)
+    radius = max(SPOT_RADIUS * side, 0.75)
     field = np.zeros(shape)
     v, u = np.meshgrid(np.arange(side), np.arange(side), indexing="ij")
     for x, y, strength in points:
@@ -95,7 +96,7 @@ def _spots(points: tuple[Point, ...], shape: tuple[int, int]) -> Floats:
 
 
 def _shown_round_lattice_points(brightness: npt.NDArray[np.float32], shape: tuple[int, int]) -> Floats:
-    """Return a picture upright round every lattice point, its longer side one cell long."""
+    """Resample a picture, upright round every lattice point, with a longer side of one cell."""
     side = shape[0]
     v, u = np.meshgrid(np.arange(side) / side, np.arange(side) / side, indexing="ij")
     x, y, gap = np.zeros(shape), np.zeros(shape), np.full(shape, np.inf)
@@ -106,21 +107,21 @@ def _shown_round_lattice_points(brightness: npt.NDArray[np.float32], shape: tupl
         x[nearer], y[nearer] = px[nearer], py[nearer]
     rows, columns = brightness.shape
     scale = max(rows, columns) / _BASE_WIDTH
-    shown: Floats = map_coordinates(
+    resampled: Floats = map_coordinates(
         brightness.astype(np.float64),
         [y * scale + rows / 2, x * scale + columns / 2],
         order=1,
         mode="nearest",
     )
-    return shown
+    return resampled
 
 
 def to_tile(lattice: npt.NDArray[np.floating], repeat: str, size: tuple[int, int]) -> npt.NDArray[np.float32]:
-    """Return a rectangular tile, (rows, columns) float32, of densities at a lattice's nodes.
+    """Resample densities at a lattice's nodes to a rectangular tile, (rows, columns) float32.
 
-    Cubic splines along the lattice vectors, averaged over the turns by 120°: with that the interpolated
-    picture has the whole symmetry of the group. On 2n × 2n pixels every node of an n × n lattice is the
-    centre of one: node (u, v) in row v and column 2u - v.
+    Cubic splines along the lattice vectors are averaged over the turns by 120°, so that the tile has the
+    whole symmetry of the group. On 2n × 2n pixels every node of an n × n lattice lies on the centre of a
+    pixel: node (u, v) in row v and column 2u - v.
     """
     side = lattice.shape[0]
     field = lattice.astype(np.float64)

@@ -1,4 +1,4 @@
-"""One colour layer: minimal compliance under a mass bound (thesis 4.3, 4.4) by optimality criteria.
+"""Optimisation of one layer: minimal compliance under a mass bound (thesis 4.3, 4.4), by optimality criteria.
 
 *Coarse to fine.* A plate of half the size has the same conductances where its strokes are the same, so most
 iterations run on plates of a quarter and half the size, and the densities are interpolated.
@@ -20,18 +20,19 @@ from toposeam.motif.symmetry.mirrors import mirrors
 from toposeam.motif.symmetry.rules import HEXAGONAL, Symmetry, joint
 from toposeam.optimize.oc import OCOptions, oc_step
 
-#: Lowest density.
-THINNEST = 1e-3
-#: Where the solver stops (see `heat.conjugate`): a residual as a share of the load or, most often, what a
-#: step gained as a share of the compliance. Designs are as good as with exact temperatures, to three digits.
+#: Lowest density: with 0 an element could never gain material again.
+MIN_DENSITY = 1e-3
+#: The solver (see `heat.conjugate`) stops at a residual of `TOLERANCE` times the load or, usually earlier,
+#: once a step gains less than `ENERGY` times the compliance. Designs are as good as those of exact
+#: temperatures, to three digits.
 TOLERANCE, ENERGY = 1e-3, 1e-4
-#: Coarser plates have at least this many elements across.
-_COARSEST = 48
-#: Coarser plates serve where the filter's radius is at least this many elements at full size: finer strokes
-#: they cannot hold.
-_WIDE = 2.5
-#: Iterations at full size and on the plates between, after those on the coarsest.
-_LAST, _BETWEEN = 5, 8
+#: Least side of a coarser plate, in elements.
+_MIN_COARSE_SIDE = 48
+#: Least radius of the filter at full size, in elements, for which coarser plates are used: they cannot hold
+#: finer strokes.
+_MIN_COARSE_RADIUS = 2.5
+#: Iterations at full size, and on each plate between that and the coarsest.
+_FINEST_ITERATIONS, _MIDDLE_ITERATIONS = 5, 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,9 +47,9 @@ class Step:
     [16, 16, 16]
     """
 
-    #: Rows of elements of the plate it ran on.
+    #: Rows of elements of the plate.
     rows: int
-    #: Compliance of the design it started from, for unit heat.
+    #: Compliance, for unit heat, of the design before the step.
     compliance: float
     #: Mean density of that design.
     mass: float
@@ -57,28 +58,28 @@ class Step:
 
 
 def plan(recipe: Recipe) -> list[tuple[tuple[int, int], int]]:
-    """Return the plates' shapes from coarse to fine, and how many iterations run on each."""
+    """Return the shapes of plates from coarse to fine, with the number of iterations on each."""
     shapes = [recipe.size]
     grain = 4 if recipe.repeat not in ("none", "reflect") else 2
-    coarse = recipe.coarse and filter_radius(recipe, recipe.size) >= _WIDE
+    coarse = recipe.coarse and filter_radius(recipe, recipe.size) >= _MIN_COARSE_RADIUS
     while (
         coarse
         and len(shapes) < 4
-        and all(side % grain == 0 and side // 2 >= _COARSEST for side in shapes[0])
+        and all(side % grain == 0 and side // 2 >= _MIN_COARSE_SIDE for side in shapes[0])
         and joint(recipe.repeat).fits((shapes[0][0] // 2, shapes[0][1] // 2))
     ):
         shapes.insert(0, (shapes[0][0] // 2, shapes[0][1] // 2))
     counts = [0] * len(shapes)
     left = recipe.iterations
     for index in range(len(shapes) - 1, 0, -1):
-        counts[index] = min(left, _LAST if index == len(shapes) - 1 else _BETWEEN)
+        counts[index] = min(left, _FINEST_ITERATIONS if index == len(shapes) - 1 else _MIDDLE_ITERATIONS)
         left -= counts[index]
     counts[0] = left
     return [(shape, count) for shape, count in zip(shapes, counts, strict=True) if count]
 
 
 def problem_at(layer: LayerRecipe, recipe: Recipe, shape: tuple[int, int]) -> LayerProblem:
-    """Return the layer of a recipe on a plate of the given shape."""
+    """Pose a layer of a recipe on a plate of the given shape."""
     kind = HexagonalProblem if recipe.repeat in HEXAGONAL else LayerProblem
     return kind.at(layer, recipe, shape)
 
@@ -86,7 +87,7 @@ def problem_at(layer: LayerRecipe, recipe: Recipe, shape: tuple[int, int]) -> La
 def optimise_layer(
     layer: LayerRecipe, recipe: Recipe, progress: Callable[[int], None] | None = None
 ) -> tuple[npt.NDArray[np.float32], tuple[Step, ...]]:
-    """Run a layer's optimisation.
+    """Optimise a layer.
 
     Parameters
     ----------
@@ -105,9 +106,11 @@ def optimise_layer(
     temperature: Floats | None = None
     for shape, count in plan(recipe):
         problem = problem_at(layer, recipe, shape)
-        density = np.full(shape, layer.mass) if density is None else carry(density, problem, layer.mass)
+        density = (
+            np.full(shape, layer.mass) if density is None else refine_density(density, problem, layer.mass)
+        )
         if temperature is not None:
-            temperature = finer_temperature(temperature, shape)
+            temperature = refine_temperature(temperature, shape)
         for _ in range(count):
             state = problem.plate.solve(
                 problem.conductivity(density, layer.penalty),
@@ -124,13 +127,15 @@ def optimise_layer(
                     solver=state.iterations,
                 )
             )
-            slope = problem.filtered(density, problem.sensitivity(density, layer.penalty, state.energy))
+            slope = problem.filter_sensitivity(
+                density, problem.sensitivity(density, layer.penalty, state.energy)
+            )
             proposed = update(density, slope, problem.symmetry, layer.mass, OCOptions(move=recipe.move))
             lowest, highest = (
-                np.maximum(density - recipe.move, THINNEST),
+                np.maximum(density - recipe.move, MIN_DENSITY),
                 np.minimum(density + recipe.move, 1),
             )
-            density = mirrors(recipe.repeat, shape).held(
+            density = mirrors(recipe.repeat, shape).balance(
                 proposed, layer.mass, lowest, highest, wash=layer.edge != "crisp"
             )
             if progress is not None:
@@ -145,11 +150,12 @@ def update(
     orbits: Symmetry,
     mass: float,
     options: OCOptions,
-    lower: Floats | float = THINNEST,
+    lower: Floats | float = MIN_DENSITY,
     upper: Floats | float = 1.0,
 ) -> Floats:
-    """Return the next design; one variable per orbit. Bounds given as fields must be equal along the
-    orbits.
+    """Compute the next design, with one variable per orbit.
+
+    Bounds given as fields must be constant along the orbits.
     """
     count = orbits.count
     x = orbits.total(density) / count
@@ -160,8 +166,8 @@ def update(
     return orbits.spread(oc_step(x, orbits.total(slope), weights, mass * density.size, low, high, options))
 
 
-def finer_temperature(nodes: Floats, shape: tuple[int, int]) -> Floats:
-    """Return the temperatures of a plate of half the shape, interpolated."""
+def refine_temperature(nodes: Floats, shape: tuple[int, int]) -> Floats:
+    """Interpolate the temperatures of a plate of half the shape."""
     fine = np.empty((shape[0] + 1, shape[1] + 1))
     fine[::2, ::2] = nodes
     fine[1::2, ::2] = (nodes[:-1] + nodes[1:]) / 2
@@ -169,9 +175,9 @@ def finer_temperature(nodes: Floats, shape: tuple[int, int]) -> Floats:
     return fine
 
 
-def carry(density: Floats, problem: LayerProblem, mass: float) -> Floats:
-    """Return a coarser plate's densities on a finer one, with the same mass."""
-    fine = problem.symmetry.mean(problem.finer(density, problem.plate.shape))
-    fine = np.clip(fine, THINNEST, 1.0)
-    scaled: Floats = np.clip(fine * (mass / fine.mean()), THINNEST, 1.0)
+def refine_density(density: Floats, problem: LayerProblem, mass: float) -> Floats:
+    """Interpolate a coarser plate's densities on a finer one, with the given mass."""
+    fine = problem.symmetry.mean(problem.refine(density, problem.plate.shape))
+    fine = np.clip(fine, MIN_DENSITY, 1.0)
+    scaled: Floats = np.clip(fine * (mass / fine.mean()), MIN_DENSITY, 1.0)
     return scaled

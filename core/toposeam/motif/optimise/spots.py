@@ -1,4 +1,4 @@
-"""Sources and sinks: where they lie, given or drawn."""
+"""Places and strengths of sources and sinks, given or random."""
 
 from __future__ import annotations
 
@@ -9,17 +9,18 @@ import numpy.typing as npt
 
 from toposeam.errors import OptionError, Term
 from toposeam.motif.recipe.recipe import Point
-from toposeam.motif.symmetry.rules import onto_axes
+from toposeam.motif.symmetry.rules import move_onto_axes
 
-#: How far apart random spots keep, as a share of what an even spread allows.
-_APART = 0.7
+#: Least distance of random spots, as a share of the distance in an even distribution.
+_MIN_DISTANCE = 0.7
 
-#: Random spots keep this far from the border, as a share of the cell: their strokes are the thickest.
+#: Least distance of random spots from the border, as a share of the cell: their strokes are the thickest.
 _MARGIN = 0.06
 
-#: Random spots of one layer are at most this many: placing them takes the square of their number.
+#: Largest number of random spots of one layer: the time to place them grows with its square.
 _MAX_POINTS = 200
 
+#: A number of spots, or x, y and optionally a strength of each.
 Points = int | Sequence[Sequence[float]]
 
 
@@ -58,10 +59,10 @@ def spots(
                 value=count,
                 most=_MAX_POINTS,
             )
-        places = _spread(int(count), rng, aspect, shown)
+        places = _random_places(int(count), rng, aspect, shown)
         powers = rng.uniform(*strengths, int(count))
         for index in range((int(count) + 1) // 2):
-            places[index] = onto_axes(places[index], repeat, rng)
+            places[index] = move_onto_axes(places[index], repeat, rng)
         return tuple((float(x), float(y), float(s)) for (x, y), s in zip(places, powers, strict=True))
     try:
         array = np.asarray(count).astype(np.float64, casting="same_kind")
@@ -80,14 +81,12 @@ def spots(
     return tuple((float(x), float(y), float(s)) for x, y, s in array)
 
 
-def _spread(
+def _random_places(
     count: int, rng: np.random.Generator, aspect: float, shown: npt.NDArray[np.float64] | None
 ) -> npt.NDArray[np.float64]:
-    """Random places that keep apart, also across the border, and out of the parts that a base image
-    blocks.
-    """
+    """Draw places that keep a distance, also across the border, and avoid blocked parts of a base image."""
     places: list[npt.NDArray[np.float64]] = []
-    apart = _APART * np.sqrt(aspect / count)
+    apart = _MIN_DISTANCE * np.sqrt(aspect / count)
     for _ in range(count):
         for attempt in range(30):
             place = rng.uniform(_MARGIN, 1 - _MARGIN, 2)
@@ -104,14 +103,14 @@ def _spread(
     return np.array(places)
 
 
-def placed_around(
+def place_around(
     sources: tuple[Point, ...],
     sinks: tuple[Point, ...],
     distance: float,
     rng: np.random.Generator,
     shape: tuple[int, int],
 ) -> tuple[Point, ...]:
-    """Return the sinks, moved to the given distance from the sources in turn."""
+    """Move the sinks to the given distance from the sources, taken in turn."""
     side = min(shape)
     moved = []
     for index, (*_, strength) in enumerate(sinks):

@@ -1,9 +1,9 @@
-from .recipe import LARGEST, LAWS, SMALLEST, LayerRecipe, Point, Recipe, pack_base, unpack_base
+from .recipe import LAWS, MAX_SIDE, MIN_SIDE, LayerRecipe, Point, Recipe, pack_base, unpack_base
 
 __all__ = [
-    "LARGEST",
     "LAWS",
-    "SMALLEST",
+    "MAX_SIDE",
+    "MIN_SIDE",
     "LayerRecipe",
     "Point",
     "Recipe",

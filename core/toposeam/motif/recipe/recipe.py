@@ -1,4 +1,4 @@
-"""Recipes of motifs, as plain values: the same recipe makes the same bytes again."""
+"""Recipes of motifs as plain values: the same recipe makes the same bytes."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ from toposeam.motif.symmetry.rules import check_repeat
 #: x and y in [0, 1] of the cell, and a strength.
 Point = tuple[float, float, float]
 Colour = tuple[float, float, float]
-#: Smallest and largest cell, in elements.
-SMALLEST, LARGEST = 8, 8192
-#: How a base image's brightness becomes conductivity: falling geometrically from its brightest part, or in
-#: proportion to it, as in the thesis.
+#: Least and largest side of a cell, in elements.
+MIN_SIDE, MAX_SIDE = 8, 8192
+#: Laws by which a base image's brightness becomes conductivity: a geometric fall from its brightest part, or
+#: proportionality, as in the thesis.
 LAWS = ("contrast", "brightness")
 Kind = TypeVar("Kind")
-#: A base image is kept at most this large.
-_BASE_SIZE = 256
+#: Longer side of a stored base image, px at most, to keep recipes small.
+_MAX_BASE_SIDE = 256
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LayerRecipe:
-    """One colour: where its heat comes from and goes, and how it flows.
+    """Parameters of one layer: its ink, and the sources, sinks, mass and penalty of its optimisation.
 
     Examples
     --------
@@ -48,20 +48,20 @@ class LayerRecipe:
 
     #: sRGB in [0, 1].
     ink: Colour
-    #: Where heat is generated; strengths are relative.
+    #: Points that generate heat; strengths are relative.
     sources: tuple[Point, ...]
-    #: Where heat leaves by convection; strengths are relative.
+    #: Points where heat leaves by convection; strengths are relative.
     sinks: tuple[Point, ...]
-    #: Share of the heat that is generated everywhere (of a base image: where it conducts), 0 to 1. It makes
-    #: strokes branch.
+    #: Share of the heat that is generated everywhere, in proportion to the nominal conductivity, 0 to 1. It
+    #: makes strokes branch.
     ambient: float = 0.0
     #: Allowed mass (4.4): the mean density.
     mass: float = 0.3
     #: Penalty exponent p: 1 for ink wash, 3 for distinct strokes.
     penalty: float = 3.0
-    #: How its strokes end in print, one of `EDGES`.
+    #: Stroke edges in print, one of `EDGES`.
     edge: str = "soft"
-    #: What the ink is called, such as a spot colour's name; empty for none.
+    #: Name of the ink, such as a spot colour's; empty for none.
     name: str = ""
 
     def __post_init__(self) -> None:
@@ -146,9 +146,9 @@ class Recipe:
 
     #: Rows and columns of the cell; for a hexagonal group, elements along its two sides.
     size: tuple[int, int]
-    #: The rule it repeats by, one of `REPEATS`.
+    #: The rule by which the motif repeats, one of `REPEATS`.
     repeat: str = "none"
-    #: The seed its random choices came from; kept for the record.
+    #: The seed of the random parameters; kept for the record.
     seed: int = 0
     #: sRGB in [0, 1].
     paper: Colour = (1.0, 1.0, 1.0)
@@ -159,14 +159,13 @@ class Recipe:
     move: float = 0.2
     #: Radius of the filter against checkerboards, in hundredths of the cell's shorter side; 0 for none.
     filter_radius: float = 0.5
-    #: Most iterations on coarser plates, the last ones at full size.
+    #: Run most iterations on coarser plates, and only the last ones at full size.
     coarse: bool = True
     #: Brightness of a base image, packed by `pack_base`; empty for none.
     base: str = ""
-    #: How strongly the base image shows, -1 to 1: strokes keep to its bright parts, or below 0 to its dark
-    #: ones.
+    #: Influence of the base image, -1 to 1: strokes keep to its bright parts, or below 0 to its dark ones.
     base_strength: float = 0.0
-    #: How its brightness becomes conductivity, one of `LAWS`.
+    #: Law by which its brightness becomes conductivity, one of `LAWS`.
     base_law: str = "contrast"
 
     def __repr__(self) -> str:
@@ -177,7 +176,7 @@ class Recipe:
         )
 
     def __post_init__(self) -> None:
-        size = check_pair("size", self.size, SMALLEST, LARGEST)
+        size = check_pair("size", self.size, MIN_SIDE, MAX_SIDE)
         object.__setattr__(self, "size", size)
         object.__setattr__(self, "layers", tuple(self.layers))
         object.__setattr__(self, "paper", _numbers(self.paper, 3, "paper"))
@@ -211,7 +210,7 @@ class Recipe:
             unpack_base(self.base)
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain lists, numbers and strings, ready for JSON or TOML."""
+        """Return the recipe as plain lists, numbers and strings, for JSON or TOML."""
         record = dataclasses.asdict(self)
         record["layers"] = [
             {name: _plain(value) for name, value in layer.items()} for layer in record["layers"]
@@ -220,7 +219,7 @@ class Recipe:
 
     @classmethod
     def from_dict(cls, record: Mapping[str, Any]) -> Recipe:
-        """Return the recipe of `to_dict`.
+        """Make a recipe from the values of `to_dict`.
 
         Raises
         ------
@@ -281,7 +280,7 @@ def _numbers(values: Any, count: int, name: str) -> tuple[float, ...]:
 
 
 def pack_base(image: npt.ArrayLike) -> str:
-    """Return the brightness of a picture as text, at most 256 elements long, 8 bits each.
+    """Pack the brightness of a picture as text, with at most 256 px along the longer side, 8 bits each.
 
     Raises
     ------
@@ -289,11 +288,11 @@ def pack_base(image: npt.ArrayLike) -> str:
         For pictures that cannot be used.
     """
     array = as_float(image, "the base image")
-    if array.shape[2] in (2, 4):  # on white where it is transparent
+    if array.shape[2] in (2, 4):  # transparent parts become white
         alpha = np.clip(array[..., -1:], 0.0, 1.0)
         array = array[..., :-1] * alpha + (1.0 - alpha)
     gray = array @ LUMA.astype(np.float32) if array.shape[2] == 3 else array.mean(axis=2)
-    step = max(1.0, max(gray.shape) / _BASE_SIZE)
+    step = max(1.0, max(gray.shape) / _MAX_BASE_SIDE)
     if step > 1:
         from toposeam.motif.ink.sampling import resample
 
@@ -309,7 +308,7 @@ def pack_base(image: npt.ArrayLike) -> str:
 
 
 def unpack_base(text: str) -> npt.NDArray[np.float32]:
-    """Return the brightness in [0, 1] that `pack_base` wrote.
+    """Return the (h, w) brightness in [0, 1] that `pack_base` has packed.
 
     Raises
     ------
@@ -318,7 +317,7 @@ def unpack_base(text: str) -> npt.NDArray[np.float32]:
     try:
         shape, _, data = text.partition(":")
         rows, columns = (int(side) for side in shape.split("x"))
-        if not (0 < rows <= _BASE_SIZE and 0 < columns <= _BASE_SIZE):
+        if not (0 < rows <= _MAX_BASE_SIDE and 0 < columns <= _MAX_BASE_SIDE):
             raise ValueError("size")
         raw = zlib.decompressobj().decompress(base64.b85decode(data), rows * columns + 1)
         return np.frombuffer(raw, np.uint8).reshape(rows, columns).astype(np.float32) / np.float32(255)

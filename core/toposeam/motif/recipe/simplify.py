@@ -1,4 +1,4 @@
-"""Motifs made simpler or sharper for what they are printed on (thesis 4.5)."""
+"""Simpler or sharper versions of motifs, for the product on which they are printed (thesis 4.5)."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from toposeam.motif.recipe.recipe import Recipe
 
 
 def simplify(recipe: Recipe, *, inks: int | None = None, edge: str | None = None) -> Recipe:
-    """Return a recipe with fewer inks, or other edges.
+    """Return a recipe with fewer inks or other stroke edges.
 
     Parameters
     ----------
     recipe : Recipe
     inks : int, optional
-        So many are kept at most: those with the most ink.
+        Largest number of layers to keep; those of the largest mass are kept.
     edge : str, optional
-        How all strokes end, one of `EDGES`; "crisp" makes strokes of ink wash.
+        Stroke edges of all layers, one of `EDGES`; "crisp" turns ink wash into strokes.
 
     Returns
     -------
     Recipe
-        Layers that are kept stay the same to the pixel but for their edges.
+        Kept layers make the same densities; only their edges may differ.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Relatives of a motif: the same parameters, moved by chance."""
+"""Random variations of a motif's recipe."""
 
 from __future__ import annotations
 
@@ -9,19 +9,20 @@ import numpy as np
 from toposeam.checks import Seed, check_kind, check_range, seed_of
 from toposeam.motif.recipe.recipe import LayerRecipe, Point, Recipe
 
-#: Ranges the masses and the even heat are drawn towards, as for a motif from a seed.
-_MASS, _AMBIENT = (0.16, 0.34), (0.2, 0.9)
+#: Ranges of the random masses and ambient heats that a variation approaches.
+_MASS_RANGE, _AMBIENT_RANGE = (0.16, 0.34), (0.2, 0.9)
 
 
 def vary(recipe: Recipe, *, amount: float = 1.0, seed: Seed = 0) -> Recipe:
-    """Return a recipe with the same colours, size, repeat, base image and optimiser, and its places,
-    strengths and masses moved by chance.
+    """Return a recipe with randomly changed places, strengths, masses and ambient heats.
+
+    Colours, size, rule of repetition, base image and options of the optimisation stay.
 
     Parameters
     ----------
     recipe : Recipe
     amount : float
-        From 0, which changes nothing, to 1, which keeps only the numbers of sources and sinks.
+        From 0, no change, to 1, which keeps only the numbers of sources and sinks.
     seed : int, Generator or None
 
     Raises
@@ -52,16 +53,17 @@ def _varied(layer: LayerRecipe, repeat: str, amount: float, rng: np.random.Gener
         layer,
         sources=_moved(layer.sources, repeat, amount, rng),
         sinks=_moved(layer.sinks, repeat, amount, rng),
-        mass=towards(layer.mass, _MASS),
-        ambient=towards(layer.ambient, _AMBIENT) if layer.ambient else 0.0,
+        mass=towards(layer.mass, _MASS_RANGE),
+        ambient=towards(layer.ambient, _AMBIENT_RANGE) if layer.ambient else 0.0,
     )
 
 
 def _moved(
     points: tuple[Point, ...], repeat: str, amount: float, rng: np.random.Generator
 ) -> tuple[Point, ...]:
-    """Return each point moved by up to `amount` half cells; over the border and in again where the cell
-    repeats so, else mirrored there.
+    """Move each point by up to `amount` half cells along each axis, and change its strength.
+
+    At the border a point continues at the opposite one if the cell repeats so; else it is mirrored.
     """
     moved = []
     for x, y, strength in points:

@@ -1,4 +1,12 @@
-from .borders import BESIDE_STROKES, FADE, border_visibility, faded, line_visibility, reach_of, with_mass
+from .borders import (
+    BESIDE_STROKES,
+    FADE,
+    border_visibility,
+    compared_distance,
+    fade_to_mean,
+    line_visibility,
+    restore_mass,
+)
 from .kaleidoscope import GROUPS
 from .mirrors import Mirrors
 from .rules import (
@@ -8,7 +16,7 @@ from .rules import (
     Symmetry,
     check_repeat,
     joint,
-    onto_axes,
+    move_onto_axes,
     operations,
     symmetry,
 )
@@ -25,16 +33,16 @@ __all__ = [
     "Symmetry",
     "border_visibility",
     "check_repeat",
+    "compared_distance",
     "extend",
-    "faded",
+    "fade_to_mean",
     "joint",
     "line_visibility",
-    "onto_axes",
+    "move_onto_axes",
     "operations",
     "period",
-    "reach_of",
+    "restore_mass",
     "shift_of",
     "symmetry",
     "tile",
-    "with_mass",
 ]

@@ -1,17 +1,17 @@
-r"""Lines that an eye would find where cells meet, measured.
+r"""Visibility of the borders between cells of a pattern.
 
-*Measured.* A line across a pattern is a row whose mean differs from that of the rows round it,
-:math:`c(y) = |m(y) - (m(y - r) + m(y + r)) / 2|` with r three hundredths of the cell. Between two rows the
-larger of theirs counts. What that is on borders, divided by its 95th percentile on all other lines, is 1 or
-less where a border is no more conspicuous than the inside; of borders that are nothing special one in twenty
-is above.
+*Measure.* A line across a pattern is a row whose mean differs from that of the rows round it,
+:math:`c(y) = |m(y) - (m(y - r) + m(y + r)) / 2|` with r three hundredths of the cell. The line between
+two rows has the larger of their values. The visibility of a border is its value divided by the 95th
+percentile on all other lines: 1 or less where it is no more conspicuous than the inside. Of ordinary lines,
+one in twenty is above 1.
 
-Ink wash that changes from one motif to the next would show the border, even if the rows are alike: where
-motifs share a border, it goes over into the mean of all towards it. Strokes do not: the mean of strokes is
-gray, and a crisp edge makes gaps of that.
+Ink wash that changes from one motif to the next would show the border, even if the rows have equal means. So
+where motifs share a border, wash fades into the mean of all motifs towards it. Strokes do not fade: their
+mean is gray, which a crisp edge would turn into gaps.
 
-*Taken off* a line is in the optimisation, see :mod:`toposeam.motif.symmetry.mirrors`, and what is left of it
-after, :mod:`toposeam.motif.border_smoothing`.
+The optimisation avoids such lines, see :mod:`toposeam.motif.symmetry.mirrors`; the rest is removed
+afterwards, see :mod:`toposeam.motif.border_smoothing`.
 """
 
 from __future__ import annotations
@@ -25,14 +25,15 @@ from toposeam.colours import LUMA
 from toposeam.errors import ImageError, Term
 from toposeam.images import as_float
 
-#: r, as a share of the cell's side, and in px at least.
-_REACH, _LEAST_PX = 0.03, 2
-#: Powers that a row may be raised to.
+#: Distance r of the rows compared, as a share of the cell's side, and its least value, px.
+_COMPARED_DISTANCE, _MIN_COMPARED_PX = 0.03, 2
+#: Range of the powers to which densities may be raised to restore the mass.
 _POWERS = (0.6, 4.0)
-#: From this depth inside on, wholly from this much further, densities may change for the sake of the mass;
-#: as shares of the cell's side.
-_INSIDE, _FULLY = 0.08, 0.07
-#: Over this share of the cell's side wash fades into the mean of all, the latter if strokes lie beside it.
+#: Distance from the border at which densities begin to change for the mass, and the width over which the
+#: change becomes full; shares of the cell's side.
+_UNCHANGED_BORDER, _TRANSITION = 0.08, 0.07
+#: Width over which wash fades into the mean of all motifs, as a share of the cell's side; the second one if
+#: some of the motifs have strokes.
 FADE, BESIDE_STROKES = 0.07, 0.2
 
 
@@ -42,15 +43,15 @@ def border_visibility(pattern: npt.ArrayLike, cell: tuple[int, int]) -> float:
     Parameters
     ----------
     pattern : (H, W) or (H, W, 3) array_like
-        Whole cells, at least one each way; it is taken to go on by translation.
+        Whole cells, at least one each way. The pattern is taken to repeat by translation.
     cell : (rows, columns)
-        Of one cell, px.
+        Size of one cell, px.
 
     Returns
     -------
     float
-        About 1 or less where they cannot be told from lines inside, see the module's text. The larger of both
-        directions.
+        The larger value of both directions. About 1 or less if borders cannot be distinguished from lines
+        inside.
 
     Raises
     ------
@@ -81,15 +82,15 @@ def border_visibility(pattern: npt.ArrayLike, cell: tuple[int, int]) -> float:
     return max(line_visibility(luminance, rows), line_visibility(luminance.T, columns))
 
 
-def reach_of(side: int) -> int:
-    """Compute the distance from a line of the rows it is compared with, px, for a cell of that side."""
-    return max(_LEAST_PX, round(_REACH * side))
+def compared_distance(side: int) -> int:
+    """Return the distance, px, between a line and the rows it is compared with, for a cell of that side."""
+    return max(_MIN_COMPARED_PX, round(_COMPARED_DISTANCE * side))
 
 
 def line_visibility(values: npt.NDArray[np.floating], side: int) -> float:
-    """Compute `border_visibility` of the borders between rows of cells only, (H, W) brightness."""
+    """Compute `border_visibility` for the borders between rows of cells only, of an (H, W) brightness."""
     mean = values.mean(axis=1, dtype=np.float64)
-    reach = reach_of(side)
+    reach = compared_distance(side)
     contrast = np.abs(mean - (np.roll(mean, reach) + np.roll(mean, -reach)) / 2)
     line = np.maximum(contrast, np.roll(contrast, 1))  # between row y - 1 and row y
     border = np.arange(len(line)) % side == 0
@@ -97,16 +98,16 @@ def line_visibility(values: npt.NDArray[np.floating], side: int) -> float:
     return float(line[border].max()) / inside if inside > 1e-9 else 0.0
 
 
-def faded(densities: Floats, shared: int, share: float = FADE) -> Floats:
-    """Return the densities of motifs that go over into the mean of all towards the border.
+def fade_to_mean(densities: Floats, shared: int, share: float = FADE) -> Floats:
+    """Fade the densities of motifs into the mean of all towards the border.
 
     Parameters
     ----------
     densities : (N, h, w) float array
     shared : int
-        So many rows and columns are the mean itself.
+        Number of rows and columns along the border that become the mean itself.
     share : float
-        Of the cell's side, over which they do.
+        Width of the transition, as a share of the cell's shorter side.
     """
     height, width = densities.shape[1:]
     reach = max(share * min(height, width), 1.0)
@@ -119,11 +120,12 @@ def faded(densities: Floats, shared: int, share: float = FADE) -> Floats:
     return result
 
 
-def with_mass(density: Floats, mass: float) -> Floats:
-    """Return a density whose inside is raised to the power with which the whole has a mass."""
+def restore_mass(density: Floats, mass: float) -> Floats:
+    """Raise the inside of a density to a power so that its mean becomes `mass`."""
     height, width = density.shape
     depth = [np.minimum(np.arange(side), np.arange(side)[::-1]) / side for side in (height, width)]
-    inside = np.clip((np.minimum(depth[0][:, np.newaxis], depth[1][np.newaxis]) - _INSIDE) / _FULLY, 0.0, 1.0)
+    nearest = np.minimum(depth[0][:, np.newaxis], depth[1][np.newaxis])
+    inside = np.clip((nearest - _UNCHANGED_BORDER) / _TRANSITION, 0.0, 1.0)
     low, high = _POWERS
     for _ in range(40):
         power = np.sqrt(low * high)

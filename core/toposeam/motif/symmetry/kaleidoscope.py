@@ -1,13 +1,13 @@
-r"""Any picture as a cell of any wallpaper group, as a kaleidoscope shows it.
+r"""Cells of any wallpaper group made of a picture, as in a kaleidoscope.
 
-Of every point of the plane and its images under the group the one nearest to a chosen centre is looked up in
-the picture. The points that are their own nearest form the Dirichlet domain of the centre; the picture shows
-undistorted there, and its copies lie all round. Domains meet at mirrors wherever the group has some; at other
-borders, where unlike parts of the picture meet, points that are nearly as near count too, by
+For each point of the plane, its image under the group that is nearest to a chosen centre is looked up in the
+picture. The points that are their own nearest image form the Dirichlet domain of the centre. There the
+picture is undistorted, and copies surround it. Domains meet at mirrors wherever the group has some. At other
+borders unlike parts of the picture meet; there images that are nearly as near are mixed with weights
 
 .. math:: w_i = \exp\left(-(d_i - d_{min}) / f\right)
 
-over a feather of f, so that no border is hard and the pattern still has the whole group.
+for distances d_i and a feather f, so that no border is hard and the pattern keeps the whole group.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ from toposeam.motif.symmetry.rules import GENERATORS, HEXAGONAL, check_repeat, o
 
 #: The groups a kaleidoscope can show.
 GROUPS = (*GENERATORS, *HEXAGONAL)
-#: The domain's centre in the cell: a point that no operation of any group leaves where it is.
+#: Centre of the domain, in the cell: a point that no operation of any group leaves fixed.
 _CENTRE = (0.29, 0.17)
-#: Neighbouring cells whose copies may be nearest.
+#: Offsets of neighbouring cells whose copies may be nearest.
 _AROUND = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)]
-#: Larger cells are refused, px.
-_MOST_PIXELS = 400_000_000
-#: Copies farther behind than this many feathers do not count.
-_REACH = 6.0
-#: Pixels that are worked on at once.
+#: Largest cell, px: larger ones do not fit into the memory of usual machines.
+_MAX_PIXELS = 400_000_000
+#: Largest d_i - d_min of images that are mixed, in feathers: beyond, weights are below 0.3 %.
+_MAX_FEATHERS = 6.0
+#: Pixels that are worked on at once, to bound memory.
 _STRIP_PX = 200_000
 
 
@@ -47,7 +47,7 @@ def kaleidoscope(
     feather: float = 0.01,
     progress: Callable[[float], None] | None = None,
 ) -> npt.NDArray[np.float32]:
-    """Return a cell that repeats by a wallpaper group, made of a picture.
+    """Make a cell that repeats by a wallpaper group out of a picture.
 
     Parameters
     ----------
@@ -55,9 +55,10 @@ def kaleidoscope(
     repeat : str
         One of the wallpaper groups, "p1" to "p6m".
     cell : (rows, columns)
-        Of the cell, px of the picture. A hexagonal group takes its columns, and has √3 times as many rows.
+        Size of the cell, px of the picture. A hexagonal group uses the columns only, and has √3 times as many
+        rows.
     at : (x, y), optional
-        What is in the middle of the domain, px; the middle of the picture without it.
+        Point of the picture at the centre of the domain, px; by default the middle of the picture.
     feather : float
         Width over which unlike parts mix, as a share of the cell's shorter side, 0 to 0.5.
     progress : callable, optional
@@ -66,7 +67,7 @@ def kaleidoscope(
     Returns
     -------
     (rows, columns) or (rows, columns, C) float32 array in [0, 1]
-        It repeats by translation: ``tile`` it as it is.
+        The cell repeats by translation.
 
     Raises
     ------
@@ -87,13 +88,13 @@ def kaleidoscope(
         rows = round(columns * np.sqrt(3.0))
     else:
         check_repeat(repeat, (rows, columns))
-    if rows * columns > _MOST_PIXELS:
+    if rows * columns > _MAX_PIXELS:
         raise OptionError(
             "the cell would have {rows} × {columns} px; ask for at most {most:g} megapixels",
             kind="too large",
             rows=rows,
             columns=columns,
-            most=_MOST_PIXELS / 1e6,
+            most=_MAX_PIXELS / 1e6,
         )
     soft = check_number("feather", feather, 0, 0.5) * min(rows, columns)
     height, width = picture.shape[:2]
@@ -128,7 +129,7 @@ def kaleidoscope(
         flat = np.arange(start, min(start + _STRIP_PX, rows * columns))
         place = np.stack([flat % columns + 0.5, flat // columns + 0.5])
         away = _copies(inverse @ place, repeat, basis)
-        result[flat] = _seen(picture, away, np.array([x, y]), soft)
+        result[flat] = _sample(picture, away, np.array([x, y]), soft)
         if progress is not None:
             progress((start + len(flat)) / (rows * columns))
     shaped = result.reshape(rows, columns, -1)
@@ -136,7 +137,7 @@ def kaleidoscope(
 
 
 def _copies(place: Floats, repeat: str, basis: Floats) -> Floats:
-    """Map points by every operation to their nearest images, px from the centre: (copies, 2, N)."""
+    """Compute the images of points under every operation, px from the centre: (copies, 2, N)."""
     centre = np.array(_CENTRE)[:, np.newaxis]
     found = []
     for (a, b), (c, d), (t, u) in operations(repeat):
@@ -146,12 +147,14 @@ def _copies(place: Floats, repeat: str, basis: Floats) -> Floats:
     return np.stack(found)
 
 
-def _seen(picture: npt.NDArray[np.float32], away: Floats, at: Floats, soft: float) -> npt.NDArray[np.float32]:
-    """Sample the picture at the copies, mixed where several are as near: (N, C)."""
+def _sample(
+    picture: npt.NDArray[np.float32], away: Floats, at: Floats, soft: float
+) -> npt.NDArray[np.float32]:
+    """Sample the picture at the nearest copies, and mix those that are nearly as near: (N, C)."""
     distance = np.hypot(away[:, 0], away[:, 1])
     behind = distance - distance.min(axis=0)
     if soft > 0:
-        weight = np.where(behind < _REACH * soft, np.exp(-behind / soft), 0.0)
+        weight = np.where(behind < _MAX_FEATHERS * soft, np.exp(-behind / soft), 0.0)
     else:
         weight = (behind < 1e-9).astype(float)
     weight /= weight.sum(axis=0)

@@ -1,18 +1,19 @@
-r"""Mirrors that cannot be found in a pattern: as much ink along them as beside them.
+r"""Balance of mass at mirrors, so that they do not show in a pattern.
 
-Heat does not cross a mirror, so nothing lies near one unless a source or a sink does: strokes stop short of
-it, or one runs along it, and a pale or a dark line goes through the whole pattern. So the optimisation has
-further constraints: the rows (columns) within a band about a mirror hold as much mass as the rows beyond,
-each
+Heat does not cross a mirror. Unless a source or a sink lies near it, strokes stop short of the mirror, or one
+runs along it, and a pale or dark line goes through the whole pattern. So the optimisation has further
+constraints: each row (column) within a band about a mirror has as much mass as the rows beyond the band,
 
 .. math:: \sum_{e \in y} \rho_e = M_y .
 
-Each has a multiplier of its own, λ_y, beside that of the whole mass. In an update by optimality criteria it
-is a factor on the row, :math:`\rho_e\,(-\partial\Pi/\partial\rho_e\,/\,\lambda\lambda_y)^\eta`, and strokes
-grow across the mirror where they help most. Lines through centres of turns by 90° or 60°, where many copies
-meet, are treated alike. In ink wash rows that differ from the next would show as hairlines, and so would the
-band's end: there the band has one factor, which fades out towards its end. Along the borders of *reflect* one
-factor would show as a line: rows have factors of their own, smoothed from row to row, which fade out as well.
+Each constraint has a multiplier λ_y beside that of the whole mass. In an update by optimality criteria it is
+a factor on the row, :math:`\rho_e\,(-\partial\Pi/\partial\rho_e\,/\,\lambda\lambda_y)^\eta`, and strokes
+grow across the mirror where they lower the compliance most. Lines through centres of turns by 90° or 60°,
+where many copies meet, are treated in the same way.
+
+In ink wash, a row that differs from the next would show as a hairline, and so would the end of the band. So a
+band in wash has one factor, which fades out towards its end. Along the borders of *reflect* a single factor
+would show as a line; there rows have a factor each, smoothed from row to row, which fades out as well.
 """
 
 from __future__ import annotations
@@ -27,37 +28,40 @@ import scipy
 from toposeam.arrays import Floats
 from toposeam.motif.symmetry.rules import GENERATORS, HEXAGONAL, Symmetry, operations, symmetry
 
-#: Half the width of the band, as a share of the cell's side, and in elements at least.
-_BAND, _LEAST = 0.07, 2
-#: Factors of one pass lie within e^±1, and this many passes are made.
-_LARGEST, _PASSES = 1.0, 6
-#: Factors of rows are smoothed over this share of the band.
-_SMOOTH = 0.25
+#: Half the width of the band, as a share of the cell's side, and its least value, in elements.
+_HALF_BAND, _MIN_HALF_BAND = 0.07, 2
+#: Largest logarithm of a factor in one pass, and the number of passes.
+_MAX_LOG_FACTOR, _PASSES = 1.0, 6
+#: Standard deviation of the smoothing of factors from row to row, as a share of the band.
+_FACTOR_SMOOTHING = 0.25
 
 
 @dataclass(frozen=True, eq=False)
 class _Line:
-    """The rows near one line, what shares of the means before and after they should have, and whose; and how
-    fully they get it in wash.
-    """
+    """The band of rows (or columns) about one line, and the rows on both sides that it is compared with."""
 
+    #: Indices of the band's rows.
     rows: npt.NDArray[np.intp]
+    #: Weight, in each row's wanted mean, of the mean after the band; the mean before it has the rest.
     share: Floats
-    fully: Floats
+    #: Weight of the factor of each row in wash: 1 on the line, 0 at the end of the band.
+    fade: Floats
+    #: Indices of the rows before and after the band.
     before: npt.NDArray[np.intp]
     after: npt.NDArray[np.intp]
 
-    def factors(self, mean: Floats, wash: bool, each: bool) -> Floats:
+    def log_factors(self, mean: Floats, wash: bool, each: bool) -> Floats:
+        """Compute the logarithms of the band's factors; in wash one for all rows, or one for `each` row."""
         wanted = (1 - self.share) * mean[self.before].mean() + self.share * mean[self.after].mean()
         if wash and not each:
-            lacking = np.log((self.fully * wanted).sum() / (self.fully * mean[self.rows]).sum())
-            whole: Floats = self.fully * np.clip(lacking, -_LARGEST, _LARGEST)
+            lacking = np.log((self.fade * wanted).sum() / (self.fade * mean[self.rows]).sum())
+            whole: Floats = self.fade * np.clip(lacking, -_MAX_LOG_FACTOR, _MAX_LOG_FACTOR)
             return whole
-        found: Floats = np.clip(np.log(wanted / mean[self.rows]), -_LARGEST, _LARGEST)
+        found: Floats = np.clip(np.log(wanted / mean[self.rows]), -_MAX_LOG_FACTOR, _MAX_LOG_FACTOR)
         if wash:
-            width = _SMOOTH * len(found)
-            found = scipy.ndimage.gaussian_filter1d(found * self.fully, width, mode="nearest")
-            found *= np.sqrt(self.fully)
+            width = _FACTOR_SMOOTHING * len(found)
+            found = scipy.ndimage.gaussian_filter1d(found * self.fade, width, mode="nearest")
+            found *= np.sqrt(self.fade)
         return found
 
 
@@ -68,16 +72,16 @@ class Mirrors:
     ----------
     repeat : str
     shape : (int, int)
-        Elements down and across.
+        Rows and columns of elements.
     border : bool
-        Treat the border like a mirror, whatever the rule: other motifs lie beyond it.
+        Treat the border like a mirror, whatever the rule, as other motifs lie beyond it.
 
     Attributes
     ----------
     symmetry : Symmetry
         The rule's orbits.
     any : bool
-        Whether there are some.
+        True if the rule has mirrors.
     """
 
     def __init__(self, repeat: str, shape: tuple[int, int], border: bool = False) -> None:
@@ -85,58 +89,61 @@ class Mirrors:
         self._free = repeat == "reflect"
         self._columns: npt.NDArray[np.intp] | None = None
         counts = shape
-        if repeat in HEXAGONAL:  # upright on paper are the columns of 2u - v, see `hexagonal`
+        if repeat in HEXAGONAL:  # columns on paper are those of 2u - v, see `hexagonal_lattice`
             v, u = np.ogrid[: shape[0], : shape[1]]
             self._columns = (2 * u - v) % (2 * shape[1])
             counts = shape[0], 2 * shape[1]
         self._lines = tuple(
             [_line(place, count, repeat == "reflect") for place in sorted(places)]
-            for places, count in zip(({0.0}, {0.0}) if border else places_of(repeat), counts, strict=True)
+            for places, count in zip(({0.0}, {0.0}) if border else mirror_places(repeat), counts, strict=True)
         )
         self.any = any(self._lines)
 
-    def held(
+    def balance(
         self, density: Floats, mass: float, lowest: Floats, highest: Floats, *, wash: bool = False
     ) -> Floats:
-        """Return a design with as much on mirrors as beside them, within bounds, and with the mass that it
-        should have where they allow: each row of the band, or, of wash, the band as a whole, but for the
-        borders of `reflect`.
+        """Balance a design: as much mass on mirrors as beside them, and the given mass as a whole.
+
+        Both hold as far as the bounds allow. Strokes are balanced in each row of the band. Wash is balanced
+        in the band as a whole, except along the borders of `reflect`.
         """
         if not self.any:
             return density
         for _ in range(_PASSES):
-            density = np.clip(self._levelled(density, wash), lowest, highest)
+            density = np.clip(self._balance_once(density, wash), lowest, highest)
             density = np.clip(density * (mass / density.mean()), lowest, highest)
         return self.symmetry.mean(density)
 
-    def _levelled(self, density: Floats, wash: bool) -> Floats:
-        rows = self._factors(0, density.mean(axis=1), wash)[:, np.newaxis]
+    def _balance_once(self, density: Floats, wash: bool) -> Floats:
+        rows = self._log_factors(0, density.mean(axis=1), wash)[:, np.newaxis]
         if self._columns is None:
             levelled: Floats = density * np.exp(rows)
-            levelled *= np.exp(self._factors(1, levelled.mean(axis=0), wash))
+            levelled *= np.exp(self._log_factors(1, levelled.mean(axis=0), wash))
             return levelled
         count = 2 * density.shape[1]
-        # Every second row has an element in a column.
+        # A column on paper has an element in every second row.
         mean = np.bincount(self._columns.ravel(), density.ravel(), count) / (density.shape[0] / 2)
-        both = self.symmetry.mean(rows + self._factors(1, mean, wash)[self._columns])
-        for along in ((0, 1), (1, 0), (1, 1)):  # else centres, where all lines cross, have more than the rest
+        both = self.symmetry.mean(rows + self._log_factors(1, mean, wash)[self._columns])
+        for along in ((0, 1), (1, 0), (1, 1)):  # smooths centres, where factors of all lines add up
             back = (-along[0], -along[1])
             both = (np.roll(both, along, (0, 1)) + 2 * both + np.roll(both, back, (0, 1))) / 4
         return density * np.exp(both)
 
-    def _factors(self, axis: int, mean: Floats, wash: bool) -> Floats:
+    def _log_factors(self, axis: int, mean: Floats, wash: bool) -> Floats:
         found = np.zeros(len(mean))
         for line in self._lines[axis]:
-            found[line.rows] += line.factors(mean, wash, self._free)
+            found[line.rows] += line.log_factors(mean, wash, self._free)
         return found
 
 
-def places_of(repeat: str) -> tuple[set[float], set[float]]:
-    """Return the mirrors across and down a cell, as shares of its height and width: at (0, 1) both edges.
+def mirror_places(repeat: str) -> tuple[set[float], set[float]]:
+    """Return the places of mirrors in a cell: those across as shares of its height, those down of its width.
+
+    For "reflect", 0 and 1 are both edges of the cell.
 
     Examples
     --------
-    >>> [sorted(places) for places in places_of("pm")]
+    >>> [sorted(places) for places in mirror_places("pm")]
     [[], [0.0, 0.5]]
     """
     if repeat == "reflect":
@@ -157,25 +164,26 @@ def places_of(repeat: str) -> tuple[set[float], set[float]]:
 
 
 def _line(place: float, count: int, free: bool) -> _Line:
-    band = max(_LEAST, round(_BAND * count))
-    if free:  # beyond the edge is the mirror image
+    band = max(_MIN_HALF_BAND, round(_HALF_BAND * count))
+    if free:  # the mirror image lies beyond the edge
         rows = np.arange(band) if place == 0 else count - 1 - np.arange(band)
         beyond = np.arange(band, 2 * band) if place == 0 else count - 1 - np.arange(band, 2 * band)
-        return _Line(rows, np.zeros(band), _fading(np.arange(band) / band), beyond, beyond)
+        return _Line(rows, np.zeros(band), _fade_weights(np.arange(band) / band), beyond, beyond)
     offset = np.arange(-band, band)
     at = round(place * count)
     return _Line(
         (at + offset) % count,
         (offset + band + 0.5) / (2 * band),
-        _fading(np.abs(offset + 0.5) / band),
+        _fade_weights(np.abs(offset + 0.5) / band),
         (at + np.arange(-2 * band, -band)) % count,
         (at + np.arange(band, 2 * band)) % count,
     )
 
 
-def _fading(away: Floats) -> Floats:
-    """Return 1 on a line and 0 at the band's end: where a factor began at once, its end would show as a
-    hairline in wash.
+def _fade_weights(away: Floats) -> Floats:
+    """Return weights that fall smoothly from 1 on a line to 0 at the band's end.
+
+    A sudden end of the factors would show as a hairline in wash.
     """
     found: Floats = np.cos(np.pi / 2 * away) ** 2
     return found

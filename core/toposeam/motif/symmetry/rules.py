@@ -1,10 +1,9 @@
-r"""The rules by which a motif repeats, and the wallpaper groups among them as exact permutations of a cell's
-elements.
+r"""Rules by which a motif repeats, with wallpaper groups as exact permutations of a cell's elements.
 
 A wallpaper group acts on the points of a cell by x → A x + t, with A an integer matrix and t a multiple of
-half the cell. On the cell's elements that is a permutation. Loads and design variables that are equal along
-its orbits give temperatures that are too, so that the solution θ = Tθ' (thesis 4.8) with T the group's
-projection is the solution on the torus; only the orbits need computing.
+half the cell. On the cell's elements it is a permutation. If loads and design variables are constant along
+its orbits, so are the temperatures. So the solution θ = Tθ' (thesis 4.8), with T the group's projection, is
+the solution on the torus, and only the orbits must be computed.
 """
 
 from __future__ import annotations
@@ -62,13 +61,13 @@ HEXAGONAL: dict[str, tuple[Operation, ...]] = {
     "p6m": (_TURN6, _SWAP),
 }
 
-#: Every rule a motif can repeat by; ``drop`` and ``brick`` shift columns or rows by half a cell, or by
-#: another share that is written behind: ``drop 1/3``.
+#: All rules by which a motif can repeat. ``drop`` and ``brick`` shift columns or rows by half a cell, or by
+#: another share that follows the name: ``drop 1/3``.
 REPEATS = ("none", "reflect", "translate", "rotate", "drop", "brick", *GENERATORS, *HEXAGONAL)
 
 
 def check_repeat(repeat: str, shape: tuple[int, int]) -> None:
-    """Refuse rules that are not known, and cells on which they are not exact.
+    """Refuse unknown rules, and sizes of cells on which a rule is no exact permutation.
 
     Raises
     ------
@@ -116,7 +115,7 @@ def check_repeat(repeat: str, shape: tuple[int, int]) -> None:
 
 
 def joint(repeat: str) -> Joint | Shift:
-    """Return the joining of the plate's border for a rule."""
+    """Return how the plate's borders are joined for a rule."""
     shift = shift_of(repeat)
     if shift is not None:
         return Shift(*shift)
@@ -129,7 +128,7 @@ def operations(repeat: str) -> list[Operation]:
     """Return all operations of a group modulo the cell's translations, the identity first."""
     identity: Operation = ((1, 0), (0, 1), (0, 0))
     found = [identity]
-    for known in found:  # grows while it is read
+    for known in found:  # `found` grows in the loop
         for generator in (*GENERATORS.get(repeat, ()), *HEXAGONAL.get(repeat, ())):
             product = _compose(generator, known)
             if product not in found:
@@ -138,7 +137,7 @@ def operations(repeat: str) -> list[Operation]:
 
 
 def _compose(second: Operation, first: Operation) -> Operation:
-    """First one operation, then another."""
+    """Compose two operations: `first`, then `second`."""
     (a, b), (c, d), (t, u) = second
     (e, f), (g, h), (v, w) = first
     return (
@@ -148,13 +147,13 @@ def _compose(second: Operation, first: Operation) -> Operation:
     )
 
 
-def onto_axes(
+def move_onto_axes(
     point: npt.NDArray[np.float64], repeat: str, rng: np.random.Generator
 ) -> npt.NDArray[np.float64]:
     """Move a place, (x, y) in [0, 1], to a mirror or a centre of rotation of the rule, chosen at random.
 
-    Strokes stop short of mirrors on which nothing lies, which would leave empty lines in the pattern. Centres
-    on the cell's border are left alone, as the thickest strokes would lie there.
+    Strokes stop short of mirrors without sources or sinks, which would leave empty lines in the pattern.
+    Centres on the cell's border are not used, as the thickest strokes would lie there.
     """
     if repeat == "reflect":
         moved = point.copy()
@@ -166,9 +165,9 @@ def onto_axes(
         return point
     (a, b), (c, d), (t, u) = group[int(rng.integers(len(group)))]
     matrix, shift = np.array([[a, b], [c, d]], float), np.array([t, u]) / 2
-    shift = shift - np.round(matrix @ point + shift - point)  # of all copies the nearest
-    # The mean over the powers of an operation, whose order divides 12, is a fixed point of it. Translations
-    # and glides have none.
+    shift = shift - np.round(matrix @ point + shift - point)  # the copy nearest to the point
+    # The mean over the powers of an operation, whose order divides 12, is its fixed point. Translations and
+    # glides have none.
     images = [point]
     for _ in range(11):
         images.append(matrix @ images[-1] + shift)
@@ -183,8 +182,9 @@ def onto_axes(
 def permutation(
     operation: Operation, shape: tuple[int, int], hexagonal: bool = False
 ) -> npt.NDArray[np.intp]:
-    """Compute the permutation of elements (on a hexagonal lattice: of nodes) by an operation, (h, w) flat
-    indices.
+    """Compute the permutation of a cell's elements by an operation, as (h, w) flat indices.
+
+    On a hexagonal lattice nodes take the place of elements.
     """
     h, w = shape
     (a, b), (c, d), (t, u) = operation
@@ -192,7 +192,7 @@ def permutation(
     if hexagonal:
         node: npt.NDArray[np.intp] = (c * x + d * y) % h * w + (a * x + b * y) % w
         return node
-    # Twice the coordinates of the centres, so that they and half cells are whole numbers.
+    # Doubled coordinates, so that centres and half cells are whole numbers.
     x2, y2 = 2 * x + 1, 2 * y + 1
     to_x, to_y = (a * x2 + b * y2 + t * w) % (2 * w), (c * x2 + d * y2 + u * h) % (2 * h)
     place: npt.NDArray[np.intp] = (to_y // 2) * w + to_x // 2
@@ -204,19 +204,19 @@ class Symmetry:
     """The orbits of a rule on a cell's elements."""
 
     shape: tuple[int, int]
-    #: Number of the orbit of every element, (h * w,) ints; None where every element is its own.
+    #: (h * w,) ints, number of the orbit of every element; None if every element is an orbit of its own.
     orbit: npt.NDArray[np.intp] | None
-    #: Elements in every orbit.
+    #: Number of elements of every orbit.
     count: npt.NDArray[np.float64]
 
     def mean(self, field: Floats) -> Floats:
-        """Return the field with every element replaced by the mean over its orbit, exactly equal along it."""
+        """Average a field over every orbit; the result is exactly constant along orbits."""
         if self.orbit is None:
             return field
         return self.spread(self.total(field) / self.count)
 
     def total(self, field: Floats) -> Floats:
-        """Sum over every orbit."""
+        """Sum a field over every orbit."""
         if self.orbit is None:
             return field.ravel()
         return np.bincount(self.orbit, field.ravel(), len(self.count)).astype(np.float64, copy=False)
@@ -228,7 +228,7 @@ class Symmetry:
 
 @lru_cache(maxsize=16)
 def symmetry(repeat: str, shape: tuple[int, int]) -> Symmetry:
-    """Return the orbits of a rule."""
+    """Compute the orbits of a rule on a cell."""
     group = operations(repeat)
     if len(group) == 1:
         return Symmetry(shape, None, np.ones(shape[0] * shape[1]))

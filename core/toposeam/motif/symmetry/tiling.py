@@ -1,4 +1,4 @@
-"""Motifs laid side by side by the rule they were made for."""
+"""Patterns of a cell by its rule of repetition."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ Scalar = TypeVar("Scalar", bound=np.generic)
 
 
 def shift_of(repeat: str) -> tuple[int, Fraction] | None:
-    """Return the shift of a rule whose rows (``brick``) or columns (``drop``) are shifted against each other:
-    the axis that is shifted along, 1 or 0, and the share of the cell; None for others.
+    """Return the shift between neighbouring rows (``brick``) or columns (``drop``) of a rule.
+
+    The result is the axis of the shift, 1 or 0, and its share of the cell; None for other rules.
 
     Examples
     --------
@@ -31,7 +32,7 @@ def shift_of(repeat: str) -> tuple[int, Fraction] | None:
 
 
 def period(repeat: str) -> tuple[int, int]:
-    """After how many rows and columns of cells a pattern repeats by translation."""
+    """Return the numbers of rows and columns of cells after which a pattern repeats by translation."""
     if repeat in ("reflect", "rotate"):
         return 2, 2
     shift = shift_of(repeat)
@@ -56,7 +57,7 @@ def copy_at(cell: npt.NDArray[Scalar], repeat: str, row: int, column: int) -> np
 
 
 def tile(cell: npt.NDArray[Scalar], repeat: str, counts: tuple[int, int]) -> npt.NDArray[Scalar]:
-    """Return a pattern of rows × columns cells, (..., rows * h, columns * w)."""
+    """Lay out a pattern of rows × columns cells, (..., rows * h, columns * w)."""
     rows, columns = counts
     h, w = cell.shape[-2:]
     result = np.empty((*cell.shape[:-2], rows * h, columns * w), cell.dtype)
@@ -69,8 +70,9 @@ def tile(cell: npt.NDArray[Scalar], repeat: str, counts: tuple[int, int]) -> npt
 
 
 def extend(cell: npt.NDArray[Scalar], repeat: str, margin: int) -> npt.NDArray[Scalar]:
-    """Return a cell, (..., h, w), with a margin of its neighbours in the pattern; a motif that does not
-    repeat has mirrored ones.
+    """Extend a cell, (..., h, w), by a margin of its neighbours in the pattern.
+
+    For the rule "none" the neighbours are mirror images.
     """
     h, w = cell.shape[-2:]
     rule = "reflect" if repeat == "none" else repeat

@@ -1,4 +1,4 @@
-"""Clips that loop: periods, walks, light."""
+"""Clips that loop: periods, walks through them, levelled light."""
 
 import lazy_loader
 

@@ -1,8 +1,8 @@
-"""Light of loops levelled: what is lighter or darker after a jump than before it comes about smoothly.
+"""Levelling of loops: differences of light across a jump become gradual.
 
-The surface is found between stretches from which slow light has been taken. What steps are left along it, of
-light or of form, are then spread over the frames and pixels around, by Poisson's equation in time and space
-(:mod:`toposeam.heat.poisson`): the more gently the wider they are. No picture is laid over another one.
+The surface is found between stretches whose slowly varying difference of light was removed. The remaining
+steps along it, of light or of form, are then spread over the frames and pixels around, by Poisson's equation
+in time and space (:mod:`toposeam.heat.poisson`): the wider a step, the more gradual. Pictures are not mixed.
 """
 
 from __future__ import annotations
@@ -20,15 +20,14 @@ from toposeam.images import full_scale, in_dtype
 from toposeam.volume.clip.period import Jump
 from toposeam.volume.problem.arrays import as_shares
 
-#: Light is the same within this share of the longer side, ...
-_LIGHT = 0.15
-#: ... and where pixels differ by more than this share of white, they show something else.
-_OTHER = 0.05
+#: Standard deviation of the blur that gives slow light, as a share of the frame's longer side.
+_LIGHT_BLUR = 0.15
+#: Difference, as a share of white, beyond which pixels are taken to show different things and lose weight.
+_MAX_LIGHT_DIFFERENCE = 0.05
 
 
-def without_light(a: Volume, b: Volume, data_range: float | None) -> tuple[Volume, Volume]:
-    """Remove from two stretches of a clip the slow light by which they differ on the whole, for finding a
-    surface between them: half of the difference is taken from either.
+def remove_light_difference(a: Volume, b: Volume, data_range: float | None) -> tuple[Volume, Volume]:
+    """Remove the slow difference of light between two stretches of a clip; each is changed by half of it.
 
     Parameters
     ----------
@@ -39,18 +38,18 @@ def without_light(a: Volume, b: Volume, data_range: float | None) -> tuple[Volum
     """
     one, other = (as_shares(part, "frames", data_range).mean(axis=0) for part in (a, b))
     apart = one - other
-    likeness = 1 / (1 + np.square(apart / _OTHER).sum(axis=2, keepdims=True)) ** 2
-    reach = _LIGHT * max(a.shape[1:3])
+    likeness = 1 / (1 + np.square(apart / _MAX_LIGHT_DIFFERENCE).sum(axis=2, keepdims=True)) ** 2
+    reach = _LIGHT_BLUR * max(a.shape[1:3])
     light, share = (
         ndimage.gaussian_filter(part, (reach, reach, 0), mode="nearest")
         for part in (apart * likeness, likeness)
     )
     white = float(full_scale(a.dtype)) if data_range is None else data_range
     half = light / share * (white / 2)
-    return added(a, -half), added(b, half)
+    return add_change(a, -half), add_change(b, half)
 
 
-def levelled(
+def level_loop(
     frames: Volume,
     clip: Volume,
     jumps: Sequence[Jump],
@@ -58,22 +57,24 @@ def levelled(
     transition: int,
     moving: Mask,
 ) -> Volume:
-    """Return a loop with the steps along its surfaces spread around them, wherever it moves.
+    """Level a loop: spread the steps along its surfaces over the pixels around, except on still pixels.
 
     Parameters
     ----------
     frames : (P, H, W, C) array
         The loop.
     clip : (T, H, W, C) array
-        What it was made of.
+        The clip of which the loop was made.
     jumps : sequence of Jump
-        In their order; the first one's transition begins with the loop.
+        The jumps in order; the first one's transition begins with the loop.
     labels : mapping from Jump to (D, H, W) bool arrays
-        Within each transition of D frames, where what it enters shows.
+        True where the entered stretch shows, within each transition of D frames.
     transition : int
+        Number of frames D.
     moving : (H, W) bool array
+        False on pixels that stand still.
     """
-    # What is as wide as the frame fades within a transition.
+    # With this stiffness a step as wide as the frame fades within a transition.
     stiffness = (max(frames.shape[1:3]) / (2 * np.pi * transition)) ** 2
     result = np.empty_like(frames)
     for channel in range(frames.shape[3]):
@@ -87,7 +88,7 @@ def levelled(
         correction = spread_in_cycle(source, stiffness)
         correction[:, ~moving] = 0
         for index, one in enumerate(correction):
-            result[index, ..., channel] = added(frames[index, ..., channel], one)
+            result[index, ..., channel] = add_change(frames[index, ..., channel], one)
     return result
 
 
@@ -98,8 +99,9 @@ def _add_surface(
     moving: Mask,
     stiffness: float,
 ) -> None:
-    """Add the steps across one surface to a source: by how much what is entered is lighter, in the mean of
-    the two neighbours.
+    """Add the steps across one surface to the source term of Poisson's equation.
+
+    A step is the entered stretch minus the left one, in the mean of the two neighbours.
     """
     for axis, weight in enumerate((1.0, stiffness, stiffness)):
         low, high = along(axis, LOW), along(axis, HIGH)
@@ -107,7 +109,7 @@ def _add_surface(
         add_steps(source, low, high, side * (apart[low] + apart[high]) / 2, weight)
 
 
-def added(values: Volume, change: npt.NDArray[np.floating]) -> Volume:
+def add_change(values: Volume, change: npt.NDArray[np.floating]) -> Volume:
     """Add a change to values, in the values' dtype."""
     sums: Volume = values + change
     return sums > 0.5 if values.dtype.kind == "b" else in_dtype(sums, values.dtype)

@@ -1,4 +1,4 @@
-"""`loop`: a clip whose end runs into its beginning."""
+"""`loop`: make a clip whose end runs into its beginning."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from toposeam.heat.threads import one_thread
 from toposeam.images import MAX_PIXELS, as_mask
 from toposeam.seam.problem.match_cost import MatchCost, check_no_reach, match_options
 from toposeam.sentence import counted
-from toposeam.volume.clip.levelling import levelled, without_light
+from toposeam.volume.clip.levelling import level_loop, remove_light_difference
 from toposeam.volume.clip.period import (
     Jump,
     best_jump,
     good_jumps,
+    moving_weights,
     small_frames,
     small_mask,
     small_surface,
-    weights,
 )
-from toposeam.volume.clip.verdict import LoopVerdict, steps, verdict_of, worst_of
+from toposeam.volume.clip.verdict import LoopVerdict, step_visibility, verdict_of, worst_squares
 from toposeam.volume.clip.walk import closed_walk
 from toposeam.volume.find import find_surface
 from toposeam.volume.heat.method import SurfaceKeywords, SurfaceOptions
@@ -37,14 +37,15 @@ from toposeam.volume.problem.arrays import as_volume
 from toposeam.volume.problem.posing import check_spacing
 from toposeam.volume.surface import Surface
 
-#: Longer clips are refused: the time grows with the square of the frames.
-_MOST_FRAMES = 10_000
-#: Frames in which to change over, where nothing is said: a quarter of the clip, at most this many.
-_LONGEST = 24
-#: Whether to level is decided on frames of about so many pixels first, by the worst squares of this side, and
-#: from where on steps in them show.
-_LEVEL_PIXELS, _LEVEL_SQUARE, _SHOWS = 4000, 4, 3.0
-#: Grown clips choose between this many jumps.
+#: Largest number of frames of a clip: the time grows with its square.
+_MAX_FRAMES = 10_000
+#: Largest default number of frames of a transition.
+_MAX_DEFAULT_TRANSITION = 24
+#: Size, px, about, of the small frames on which the need for levelling is tested, and side of the squares.
+_TEST_PIXELS, _TEST_SQUARE = 4000, 4
+#: Least visibility of steps in the worst squares from which a loop is levelled without further trial.
+_VISIBLE_STEPS = 3.0
+#: Number of jumps among which a grown clip chooses.
 _JUMPS = 12
 
 
@@ -63,17 +64,17 @@ class Loop:
 
     #: (P, H, W) or (P, H, W, C), of the given clip's dtype; the last frame runs into the first.
     frames: Volume = field(repr=False)
-    #: (P, H, W) int32: the given clip's frame that every pixel comes from.
+    #: (P, H, W) int32: number of the given clip's frame from which each pixel comes.
     source: npt.NDArray[np.int32] = field(repr=False)
-    #: The jumps back (and forth), each with the frames where it leaves and enters; a plain loop has one.
+    #: The jumps back (and forth) in order; a plain loop has one.
     jumps: tuple[Jump, ...]
-    #: The surface of each jump, along which its pixels change over; axis 0 is time.
+    #: The surface of each jump, along which pixels change from one stretch to the other; axis 0 is time.
     surfaces: tuple[Surface, ...] = field(repr=False)
-    #: Frames within which each jump happens.
+    #: Number of frames of the transition at each jump.
     transition: int
-    #: How likely the changes are to be seen.
+    #: Visibility of the changes.
     verdict: LoopVerdict
-    #: The settings that make it again.
+    #: The settings that make the loop again.
     settings: dict[str, Any] = field(default_factory=dict, repr=False)
 
     def __repr__(self) -> str:
@@ -81,14 +82,14 @@ class Loop:
         return f"Loop({count} frames of {width} × {height} px, from frame {self.start}, cost {self.cost:.6g})"
 
     def _repr_png_(self) -> bytes:
-        """Six frames of it, for notebooks."""
+        """Return six frames side by side, for notebooks."""
         chosen = np.linspace(0, len(self.frames), 6, endpoint=False).astype(int)
         strip: npt.NDArray[Any] = np.concatenate(list(self.frames[chosen]), axis=1)
         return to_png(strip)
 
     @property
     def start(self) -> int:
-        """The given clip's frame with which the loop's first surface enters."""
+        """Number of the given clip's frame that the first jump enters."""
         return self.jumps[0].enters
 
     @property
@@ -117,37 +118,38 @@ def loop(
 ) -> Loop:
     """Make a clip repeat without a visible jump.
 
-    Finds where the clip comes back best, and joins its end to its beginning along a surface in time and
-    space, so that every pixel changes over when it shows least; nothing is blended.
+    The function finds two similar moments and joins the stretches at them along a surface in time and space,
+    so that every pixel changes from one to the other when it shows least. Nothing is blended.
 
     Parameters
     ----------
     frames : (T, H, W) or (T, H, W, C) array_like
         The clip.
     length : int or (int, int), optional
-        How many frames repeat, or the least and the greatest number; by default between a third of the clip
-        and as many as leave room for the transition.
+        Number of frames that repeat, or its least and greatest value; by default from a third of the clip to
+        the largest number that leaves room for the transition.
     start : int, optional
-        The frame with which the loop begins; found by default.
+        Number of the frame with which the loop begins; searched for by default.
     transition : int, optional
-        In how many frames pixels change over, at least 2; by default a quarter of the clip or half the
-        loop, 24 at most. The clip needs ``start + length + transition`` frames.
+        Number of frames within which pixels change, at least 2; by default a quarter of the clip or half the
+        loop, at most 24. The clip needs ``start + length + transition`` frames.
     level : bool, optional
-        Even out what shows of the change, light or form: slow light is left out of the search for the
-        surface, and the steps along it are spread over the frames and pixels around, by Poisson's equation in
-        time and space; the wider they are the more gently, those of the whole picture over the whole loop.
-        Values then differ from the clip's. By default where a surface without it would show, on small frames.
+        Level visible differences of light and form. Slow light is removed before the search for the surface,
+        and the steps along it are spread over the frames and pixels around, by Poisson's equation in time and
+        space. The wider a step, the more gradual it becomes; a step of the whole picture is spread over the
+        whole loop. Values then differ from the clip's. By default a loop is levelled if it would show less.
     still : (H, W) array_like, optional
-        Where the picture stands still (a cinemagraph); there it shows the frame that fits its surroundings
-        best.
+        True where the picture stands still (a cinemagraph). There the loop shows the frame that fits its
+        surroundings best.
     grow : int, optional
-        Instead of `length` and `start`: at least so many frames, by jumps back and forth between moments
-        that resemble each other, in an order that `seed` decides.
+        Least number of frames of a grown clip, instead of `length` and `start`. It jumps back and forth
+        between similar moments, in an order drawn by `seed`.
     seed : int, Generator or None
+        Seed of the order of jumps.
     spacing : three positive floats
-        How far a frame counts against the height and the width of a pixel. The less, the dearer it is that
-        many pixels change at once, which is seen as a jump, and the cheaper that neighbours change at
-        different moments, which is seen as a torn place.
+        Weight of a frame against the height and the width of a pixel. A lower weight makes it dearer that
+        many pixels change at once, which is seen as a jump, and cheaper that neighbours change at different
+        moments, which is seen as a tear.
     gradient, cost, data_range, options
         As for :func:`find_surface`.
     progress : callable, optional
@@ -160,7 +162,7 @@ def loop(
     Raises
     ------
     ImageError, OptionError
-        Their text says what was received and what to do.
+        The text states the value received and a remedy.
 
     Examples
     --------
@@ -186,14 +188,14 @@ def loop(
             count=count,
             least=4,
         )
-    if count > _MOST_FRAMES:
+    if count > _MAX_FRAMES:
         raise ImageError(
             "the clip has {count} frames, of which every one is compared with every other; cut it, or take "
             "fewer frames a second, so that at most {most} are left",
             kind="count",
             parameter=Term("frames"),
             count=count,
-            most=_MOST_FRAMES,
+            most=_MAX_FRAMES,
         )
     check_choice("level", level, (True, False, None))
     if grow is not None and (length is not None or start is not None):
@@ -251,20 +253,20 @@ def loop(
     distinct = list(dict.fromkeys(walk))
     weight = None
     if still is not None:
-        weight = np.broadcast_to(weights(moving), (transition, *moving.shape))
+        weight = np.broadcast_to(moving_weights(moving), (transition, *moving.shape))
 
     def joined(level: bool) -> Loop:
         surfaces: dict[Jump, Surface] = {}
         for place, jump in enumerate(distinct):
             a, b = (clip[first : first + transition] for first in (jump.leaves, jump.enters))
             surfaces[jump] = find_surface(
-                *(without_light(a, b, data_range) if level else (a, b)),
+                *(remove_light_difference(a, b, data_range) if level else (a, b)),
                 cost=match,
                 spacing=spacing,
                 weight=weight,
                 data_range=data_range,
                 options=options,
-                progress=_part(progress, place, len(distinct)),
+                progress=_progress_part(progress, place, len(distinct)),
                 **given,
             )
         source = _sources(walk, surfaces, transition, moving.shape)
@@ -273,7 +275,7 @@ def loop(
         made = np.take_along_axis(clip, source[..., np.newaxis].astype(np.intp), axis=0)
         labels = {jump: surface.labels for jump, surface in surfaces.items()}
         if level:
-            made = levelled(made, clip, walk, labels, transition, moving)
+            made = level_loop(made, clip, walk, labels, transition, moving)
         return Loop(
             frames=made[..., 0] if flat else made,
             source=source,
@@ -294,7 +296,9 @@ def loop(
     return min(made, joined(True), key=lambda one: one.verdict.shows)
 
 
-def _part(progress: Callable[[float], None] | None, place: int, count: int) -> Callable[[float], None] | None:
+def _progress_part(
+    progress: Callable[[float], None] | None, place: int, count: int
+) -> Callable[[float], None] | None:
     return None if progress is None else lambda share: progress((place + share) / count)
 
 
@@ -307,8 +311,8 @@ def _would_show(
     spacing: Sequence[float],
     data_range: float | None,
 ) -> bool:
-    """Test on small frames whether surfaces that are not levelled would show."""
-    small = small_frames(clip, data_range, _LEVEL_PIXELS)
+    """Return whether surfaces without levelling would show, tested on small frames."""
+    small = small_frames(clip, data_range, _TEST_PIXELS)
     on = small_mask(moving, (small.shape[1], small.shape[2]))
     if not on.any():
         return False
@@ -317,7 +321,7 @@ def _would_show(
             _, labels = small_surface(small, jump, transition, on, match, spacing)
             a, b = (small[first : first + transition] for first in (jump.leaves, jump.enters))
             made = np.where(labels[..., np.newaxis], b, a)
-            if worst_of(steps(made, a, b), _LEVEL_SQUARE, on).max() > _SHOWS:
+            if worst_squares(step_visibility(made, a, b), _TEST_SQUARE, on).max() > _VISIBLE_STEPS:
                 return True
     return False
 
@@ -327,7 +331,7 @@ def _transition(transition: int | None, count: int, length: int | tuple[int, int
         longest = length[-1] if isinstance(length, tuple | list) and length else length
         if not isinstance(longest, int):
             longest = count
-        return max(2, min(_LONGEST, count // 4, longest // 2))
+        return max(2, min(_MAX_DEFAULT_TRANSITION, count // 4, longest // 2))
     check_whole("transition", transition, 2)
     if 2 * transition > count:
         raise OptionError(
@@ -346,7 +350,7 @@ def _transition(transition: int | None, count: int, length: int | tuple[int, int
 def _bounds(
     length: int | tuple[int, int] | None, start: int | None, transition: int, count: int
 ) -> tuple[tuple[int, int], tuple[int, int]]:
-    """Least and greatest period, and first frame."""
+    """Return the least and greatest period, and the least and greatest first frame."""
     first = 0 if start is None else check_whole("start", start, 0, count - 1)
     room = count - transition - first
     if length is None:
@@ -389,8 +393,9 @@ def _bounds(
 def _sources(
     walk: list[Jump], surfaces: dict[Jump, Surface], transition: int, shape: tuple[int, ...]
 ) -> npt.NDArray[np.int32]:
-    """Return the given clip's frame for every pixel: after each jump a transition, then the clip until the
-    next one.
+    """Return the number of the clip's frame for every pixel of the loop, (P, H, W).
+
+    Each jump is followed by its transition, then by the clip until the next jump.
     """
     parts = []
     step = np.arange(transition, dtype=np.int32)[:, np.newaxis, np.newaxis]
@@ -402,9 +407,7 @@ def _sources(
 
 
 def _still_frame(small: Floats32, source: npt.NDArray[np.int32], moving: Mask) -> int:
-    """Return the frame to stand still, that differs least from what moves along the border between the
-    two.
-    """
+    """Find the frame for still pixels: it differs least from the moving pixels along their border."""
     border = ndimage.binary_dilation(~moving) & moving
     if not border.any():
         border = moving

@@ -1,4 +1,4 @@
-"""Recurrences of a clip: pairs of moments between which it can change over without being noticed."""
+"""Recurrences of a clip: pairs of moments between which a jump shows little."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from toposeam.volume.problem.arrays import as_shares
 from toposeam.volume.problem.posing import surface_problem
 from toposeam.volume.problem.surface_problem import SurfaceProblem
 
-#: Moments are compared on frames reduced to about this many pixels, fewer in long clips: every moment is
-#: compared with every other one.
+#: Size of the small frames on which moments are compared, px, about.
 _PIXELS = 1500
-_COMPARED = 4e8
-#: So many of the best pairs are joined by a surface, on the small frames, and compared by its cost.
+#: Largest number of values compared, frames² × px, which reduces the frames of long clips further.
+_MAX_COMPARED = 4e8
+#: Number of the best pairs for which a surface is found on small frames, to compare its cost.
 _FINALISTS = 8
-#: Of loops whose cost is within this share of the least the longest is taken.
-_AS_GOOD = 0.1
+#: Of loops whose cost exceeds the least by at most this share, the longest is taken.
+_COST_TOLERANCE = 0.1
 
 
 @dataclass(frozen=True, slots=True)
 class Jump:
-    """A change from one moment of a clip to another one.
+    """A jump from one moment of a clip to another.
 
     Examples
     --------
@@ -37,23 +37,23 @@ class Jump:
     24
     """
 
-    #: First frames of the two stretches that overlap: the clip is left somewhere in `leaves`,
+    #: First frames of the two stretches that overlap: each pixel leaves the clip in one of `leaves`,
     #: ``leaves + 1`` …, and goes on in `enters`, ``enters + 1`` …
     leaves: int
     enters: int
-    #: What the change costs on the small frames, per pixel.
+    #: Cost of the jump per pixel, on small frames.
     cost: float
 
     @property
     def period(self) -> int:
-        """Number of frames that repeat when this is the only jump."""
+        """Number of frames that repeat if this is the only jump."""
         return self.leaves - self.enters
 
 
 def small_frames(frames: Volume, data_range: float | None, pixels: float = _PIXELS) -> Floats32:
-    """(T, h, w, C) frames, area means over squares of pixels."""
+    """Reduce frames to (T, h, w, C) float32 by means over squares of pixels."""
     height, width = frames.shape[1:3]
-    pixels = min(pixels, max(100.0, _COMPARED / len(frames) ** 2))
+    pixels = min(pixels, max(100.0, _MAX_COMPARED / len(frames) ** 2))
     side = max(1, int(np.ceil(np.sqrt(height * width / pixels))))
     side = min(side, height, width)
     rows, columns = height // side, width // side
@@ -66,19 +66,18 @@ def small_frames(frames: Volume, data_range: float | None, pixels: float = _PIXE
 
 
 def small_mask(mask: Mask, shape: tuple[int, int]) -> Mask:
-    """Return a mask on small frames: True where most of a square is."""
+    """Reduce a mask to small frames: True where more than half of a square is."""
     side = mask.shape[0] // shape[0]
     squares = mask[: shape[0] * side, : shape[1] * side].reshape(shape[0], side, shape[1], side)
     most: Mask = squares.mean(axis=(1, 3)) > 0.5
     return most
 
 
-def changes(small: Floats32, lag: int, transition: int, moving: Mask) -> npt.NDArray[np.float64]:
-    """Compute the least visible cost of changing over, within a transition, from ``t + lag`` to ``t`` (or,
-    the same, from ``t`` to ``t + lag``), for every first moment ``t`` of one.
+def jump_costs(small: Floats32, lag: int, transition: int, moving: Mask) -> npt.NDArray[np.float64]:
+    """Estimate the cost of a jump from ``t + lag`` to ``t``, or from ``t`` to ``t + lag``, for every ``t``.
 
-    Every pixel changes when it shows least: the least of two successive differences, a surface's cost along
-    time, is taken pixel by pixel.
+    Within the transition each pixel changes when it shows least: its cost is the least sum of two successive
+    differences, which is a surface's cost along time. The result is the mean over the moving pixels.
 
     Returns
     -------
@@ -103,15 +102,15 @@ def best_jump(
     cost: MatchCost,
     spacing: Sequence[float],
 ) -> Jump:
-    """Return the jump back by which a clip is best made to repeat.
+    """Find the jump back by which a clip repeats with the least visible change.
 
     Parameters
     ----------
     small : (T, h, w, C) float32 array
     transition : int
-        Frames in which to change.
+        Number of frames of the transition.
     lengths, starts : (int, int)
-        Least and greatest period, and first frame, allowed; at least one such pair must fit the clip.
+        Least and greatest allowed period and first frame; at least one pair must fit the clip.
     moving : (h, w) bool array
         Pixels that count.
     cost : MatchCost
@@ -120,20 +119,22 @@ def best_jump(
     """
     found: list[Jump] = []
     for period in range(lengths[0], lengths[1] + 1):
-        scores = changes(small, period, transition, moving)[starts[0] : starts[1] + 1]
+        scores = jump_costs(small, period, transition, moving)[starts[0] : starts[1] + 1]
         found += [
             Jump(starts[0] + at + period, starts[0] + at, float(score)) for at, score in enumerate(scores)
         ]
-    finalists = _apart(found, _FINALISTS, max(1, transition // 4))
-    joined = [joined_small(small, jump, transition, moving, cost, spacing) for jump in finalists]
+    finalists = _distinct(found, _FINALISTS, max(1, transition // 4))
+    joined = [with_surface_cost(small, jump, transition, moving, cost, spacing) for jump in finalists]
     least = min(jump.cost for jump in joined)
-    return max((jump for jump in joined if jump.cost <= (1 + _AS_GOOD) * least), key=lambda jump: jump.period)
+    return max(
+        (jump for jump in joined if jump.cost <= (1 + _COST_TOLERANCE) * least), key=lambda jump: jump.period
+    )
 
 
-def joined_small(
+def with_surface_cost(
     small: Floats32, jump: Jump, transition: int, moving: Mask, cost: MatchCost, spacing: Sequence[float]
 ) -> Jump:
-    """Return the jump with what its surface costs on small frames, per pixel."""
+    """Return a jump with the cost per pixel of its surface on small frames."""
     problem, labels = small_surface(small, jump, transition, moving, cost, spacing)
     least = problem.cost(labels) / int(np.count_nonzero(moving))
     return Jump(jump.leaves, jump.enters, least)
@@ -142,23 +143,31 @@ def joined_small(
 def small_surface(
     small: Floats32, jump: Jump, transition: int, moving: Mask, cost: MatchCost, spacing: Sequence[float]
 ) -> tuple[SurfaceProblem, Mask]:
-    """Return the problem and the labels of a jump's surface on small frames."""
+    """Find a jump's surface on small frames; return the problem and the labels."""
     a = small[jump.leaves : jump.leaves + transition]
     b = small[jump.enters : jump.enters + transition]
     problem, _ = surface_problem(
-        a, b, None, None, 0, cost, spacing, np.broadcast_to(weights(moving), a.shape[:3]), data_range=1.0
+        a,
+        b,
+        None,
+        None,
+        0,
+        cost,
+        spacing,
+        np.broadcast_to(moving_weights(moving), a.shape[:3]),
+        data_range=1.0,
     )
     solution, _ = heat_surface(problem, SurfaceOptions(tolerance=0.02, max_iterations=600))
     return problem, solution.labels
 
 
-def weights(moving: Mask) -> npt.NDArray[np.float64]:
-    """Compute the weights of pixels for a surface: next to nothing where they stand still."""
+def moving_weights(moving: Mask) -> npt.NDArray[np.float64]:
+    """Return the weights of pixels for a surface: 1 on moving ones, 0.001 on still ones."""
     return np.where(moving, 1.0, 1e-3)
 
 
-def _apart(jumps: list[Jump], count: int, distance: int) -> list[Jump]:
-    """Return the best jumps, no two of which are nearly the same."""
+def _distinct(jumps: list[Jump], count: int, distance: int) -> list[Jump]:
+    """Select the `count` best jumps that differ by at least `distance` frames in a moment."""
     kept: list[Jump] = []
     for jump in sorted(jumps, key=lambda jump: (jump.cost, -jump.period)):
         near = (
@@ -174,13 +183,13 @@ def _apart(jumps: list[Jump], count: int, distance: int) -> list[Jump]:
 def good_jumps(
     small: Floats32, transition: int, moving: Mask, cost: MatchCost, spacing: Sequence[float], count: int
 ) -> list[Jump]:
-    """Find jumps back and forth that show little, the least one first."""
+    """Find jumps back and forth of low cost, the cheapest first."""
     found: list[Jump] = []
     for lag in range(transition, len(small) - transition + 1):
-        for at, score in enumerate(changes(small, lag, transition, moving)):
+        for at, score in enumerate(jump_costs(small, lag, transition, moving)):
             found += [Jump(at + lag, at, float(score)), Jump(at, at + lag, float(score))]
     back = [jump for jump in found if jump.period > 0]
     forth = [jump for jump in found if jump.period < 0]
-    picked = [*_apart(back, count, transition), *_apart(forth, count // 2, transition)]
-    joined = [joined_small(small, jump, transition, moving, cost, spacing) for jump in picked]
+    picked = [*_distinct(back, count, transition), *_distinct(forth, count // 2, transition)]
+    joined = [with_surface_cost(small, jump, transition, moving, cost, spacing) for jump in picked]
     return sorted(joined, key=lambda jump: jump.cost)

@@ -1,9 +1,10 @@
-"""How likely it is that the change of a loop is seen, and when; and whether the whole picture moves.
+"""Visibility of the jumps of a loop, and the motion of the camera.
 
-Between neighbours in time and space a loop has steps that neither of the two stretches has which overlap
-there. Each is divided by what the stretches have round it themselves (what moves or is busy hides much) and
-squared; the worst hundredth of small squares tells. Where steps were levelled, what was added counts as well,
-against the contrast round it: a form that lies faintly over another one has no steps, and is seen.
+Between neighbours in time and space a loop has steps that neither of the two overlapping stretches has. The
+excess of each step is divided by the stretches' own steps round it, as motion and texture hide much, and
+squared. The verdict is the 99th percentile of the means over small squares. In levelled loops the added light
+counts as well, relative to the contrast round it: a form that lies faintly over another one has no steps, but
+is visible.
 """
 
 from __future__ import annotations
@@ -21,28 +22,34 @@ from toposeam.arrays import Floats32, Mask, Volume
 from toposeam.volume.clip.period import Jump
 from toposeam.volume.problem.arrays import as_shares
 
-#: Frames are judged reduced to at most this many pixels a side.
-_SIDE = 256
-#: A step is just seen beside steps of this share of white; added light, beside contrasts of the next.
-_JUST, _FAINT = 0.02, 0.1
-#: Side of the squares, in reduced pixels; of how many of them the worst tells; and from where on it is seen,
-#: of steps and of added light.
-_SQUARE, _WORST = 8, 99
-_SEEN_STEPS, _SEEN_LIGHT = 2.0, 1.75
-#: Contrast is taken round pixels as far as this; a pixel's step counts so many times.
-_ROUND, _CONTRAST = 9, 4.0
-#: Camera: in so many pairs of moments hardly any edges stand still, or few, and so many times as many when
-#: the later moment is shifted as a whole; most are shifted, and in the end by so much of the frame.
-_PAIRS, _HARDLY, _FEW, _TIMES, _MOST, _FAR = 16, 0.14, 0.25, 1.5, 0.8, 0.05
-#: Smaller frames tell nothing of it.
-_SMALLEST = 16
-#: Edges are the steepest of these, and at least so steep; they stand still if they change by less than half.
-_EDGES, _STEEP = 0.7, 0.01
+#: Longer side, px at most, of the reduced frames that are judged.
+_MAX_SIDE = 256
+#: Steps, and added light, that even surroundings hide, as shares of white: added to the denominators.
+_HIDDEN_STEP, _HIDDEN_LIGHT = 0.02, 0.1
+#: Side of the squares, in reduced px, and the percentile of their means that is the verdict.
+_SQUARE, _WORST_PERCENTILE = 8, 99
+#: Values of steps and of added light that are just visible; the verdict is in these units.
+_VISIBLE_STEPS, _VISIBLE_LIGHT = 2.0, 1.75
+#: Side, in reduced px, of the window over which contrast is averaged, and its weight against added light.
+_CONTRAST_SIDE, _CONTRAST_WEIGHT = 9, 4.0
+#: Number of pairs of moments, about, by which a motion of the camera is tested.
+_PAIRS = 16
+#: Share of edges that stand still, up to which the camera surely moves, and up to which it may.
+_FEWEST_STILL, _FEW_STILL = 0.14, 0.25
+#: In the latter case, least ratio of the edges that fit after a shift of the whole frame to those without.
+_MIN_SHIFT_GAIN = 1.5
+#: Least share of pairs that are shifted by 1 px or more, and least motion in all, as a share of the frame.
+_MIN_SHIFTED, _MIN_MOTION = 0.8, 0.05
+#: Shorter side, px, of the smallest frames in which a motion of the camera can be measured.
+_MIN_CAMERA_SIDE = 16
+#: Quantile of the steepness above which pixels are edges, and its least value, as a share of white per px. An
+#: edge stands still if it changes by less than half its steepness.
+_EDGE_QUANTILE, _MIN_STEEPNESS = 0.7, 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopVerdict:
-    """How likely the change of a loop is to be seen.
+    """Visibility of the jumps of a loop.
 
     Examples
     --------
@@ -50,23 +57,23 @@ class LoopVerdict:
     ('will not be seen', 'look at frame 12')
     """
 
-    #: What shows in the worst hundredth of it, in units of what is just seen.
+    #: Visibility of the worst hundredth, in units of what is just visible.
     shows: float
-    #: The loop's frame in which most of it shows.
+    #: Number of the loop's frame with the largest visibility.
     frame: int
-    #: By how many px, across and down, the whole picture moves in the clip, as by a camera; or None.
+    #: Range, px across and down, over which the whole picture moves in the clip, as by a camera; or None.
     moved: tuple[int, int] | None = None
 
     @property
     def unseen(self) -> bool:
-        """Whether it is likely not to be noticed."""
+        """True if the jumps will probably not be noticed."""
         return self.shows <= 1
 
     def __str__(self) -> str:
         return "will not be seen" if self.unseen else f"look at frame {self.frame}"
 
     def summary(self) -> dict[str, Any]:
-        """Return the verdict as JSON has it."""
+        """Return the verdict as values for JSON."""
         return {
             "shows": round(self.shows, 3),
             "look_at_frame": None if self.unseen else self.frame,
@@ -88,13 +95,14 @@ def verdict_of(
     ----------
     made, clip : (P, H, W, C) and (T, H, W, C) arrays
     jumps : sequence of Jump
-        In their order; the first one's transition begins with the loop.
+        The jumps in order; the first one's transition begins with the loop.
     labels : mapping from Jump to (D, H, W) bool arrays
-        Within each transition, where what it enters shows.
+        True where the entered stretch shows, within each transition.
     moving : (H, W) bool array
+        False on pixels that stand still.
     data_range : float or None
     """
-    side = max(1, -(-max(clip.shape[1:3]) // _SIDE))
+    side = max(1, -(-max(clip.shape[1:3]) // _MAX_SIDE))
     shows, worst, at = 0.0, 0, 0
     judged: dict[Jump, npt.NDArray[np.float64]] = {}
     for jump, after in zip(jumps, [*jumps[1:], jumps[0]], strict=True):
@@ -104,17 +112,18 @@ def verdict_of(
             there = _reduced(labels[jump][..., np.newaxis].astype(np.float32), side, 1.0)[..., 0] > 0.5
             one, a, b = (_reduced(values[:depth], side, data_range) for values in stretches)
             on = _reduced(moving[np.newaxis, ..., np.newaxis].astype(np.float32), side, 1.0)[0, ..., 0]
-            judged[jump] = _shown(one, a, b, there, on > 0.5)
+            judged[jump] = _frame_visibility(one, a, b, there, on > 0.5)
         found = judged[jump]
         if found.max() > shows:
             shows, worst = float(found.max()), at + int(found.argmax())
         at += after.leaves - jump.enters
-    return LoopVerdict(shows=shows, frame=worst, moved=camera(clip, data_range))
+    return LoopVerdict(shows=shows, frame=worst, moved=camera_motion(clip, data_range))
 
 
-def steps(made: Floats32, a: Floats32, b: Floats32) -> Floats32:
-    """Compute how much each pixel's steps stand out, (D, h, w): the square of what neither stretch has there,
-    in units of what they have round it.
+def step_visibility(made: Floats32, a: Floats32, b: Floats32) -> Floats32:
+    """Compute the visibility of each pixel's steps, (D, h, w).
+
+    It is the sum over the axes of the squared excess over the stretches' own steps, relative to those nearby.
     """
     found = np.zeros(made.shape[:3], np.float32)
     for axis in range(3):
@@ -123,12 +132,12 @@ def steps(made: Floats32, a: Floats32, b: Floats32) -> Floats32:
         )
         beyond = np.minimum(_norm(step - one), _norm(step - other))
         own = ndimage.uniform_filter(np.maximum(_norm(one), _norm(other)), (1, 5, 5))
-        found += np.square(beyond / (own + _JUST))
+        found += np.square(beyond / (own + _HIDDEN_STEP))
     return found
 
 
-def worst_of(values: Floats32, square: int, on: Mask | None = None) -> npt.NDArray[np.float64]:
-    """Compute, frame by frame, what the worst of small squares have in the mean: (D,)."""
+def worst_squares(values: Floats32, square: int, on: Mask | None = None) -> npt.NDArray[np.float64]:
+    """Compute the value of the worst squares in each frame, (D,), scaled to the 99th percentile of all."""
     square = min(square, *values.shape[1:])
     height, width = (length // square * square for length in values.shape[1:])
     if on is not None:
@@ -137,15 +146,15 @@ def worst_of(values: Floats32, square: int, on: Mask | None = None) -> npt.NDArr
         len(values), height // square, square, width // square, square
     )
     means = squares.mean(axis=(2, 4), dtype=np.float64).reshape(len(values), -1)
-    level, top = np.percentile(means, _WORST), np.percentile(means, _WORST, axis=1)
+    level, top = np.percentile(means, _WORST_PERCENTILE), np.percentile(means, _WORST_PERCENTILE, axis=1)
     found: npt.NDArray[np.float64] = top * (level / max(float(top.max()), 1e-12))
     return found
 
 
-def camera(clip: Volume, data_range: float | None) -> tuple[int, int] | None:
-    """Find by how much the whole picture moves, px across and down; None where it stands still."""
-    side = max(1, -(-max(clip.shape[1:3]) // _SIDE))
-    if min(clip.shape[1:3]) < _SMALLEST:
+def camera_motion(clip: Volume, data_range: float | None) -> tuple[int, int] | None:
+    """Measure the range over which the whole picture moves, px across and down; None if it stands still."""
+    side = max(1, -(-max(clip.shape[1:3]) // _MAX_SIDE))
+    if min(clip.shape[1:3]) < _MIN_CAMERA_SIDE:
         return None
     lag = max(1, len(clip) // _PAIRS)
     still: list[float] = []
@@ -153,7 +162,7 @@ def camera(clip: Volume, data_range: float | None) -> tuple[int, int] | None:
     shifts: list[npt.NDArray[np.float64]] = []
     for one, other in _pairs(clip, lag, side, data_range):
         steep = _steepness(one, (0, 1))
-        edges = steep > max(_STEEP, float(np.quantile(steep, _EDGES)))
+        edges = steep > max(_MIN_STEEPNESS, float(np.quantile(steep, _EDGE_QUANTILE)))
         if edges.any():
             shift = phase_cross_correlation(one, other, upsample_factor=2, normalization=None)  # type: ignore[no-untyped-call]
             shifts.append(shift[0])
@@ -163,11 +172,11 @@ def camera(clip: Volume, data_range: float | None) -> tuple[int, int] | None:
     if len(shifts) < 3:
         return None
     stands, shifted = float(np.mean(still)), float(np.mean(together))
-    if stands > _HARDLY and (stands > _FEW or shifted < _TIMES * stands):
+    if stands > _FEWEST_STILL and (stands > _FEW_STILL or shifted < _MIN_SHIFT_GAIN * stands):
         return None
     path = np.cumsum([np.zeros(2), *shifts], axis=0)
     far = np.ptp(path, axis=0) / (np.array(clip.shape[1:3]) / side)
-    if (np.abs(shifts).max(axis=1) >= 1).mean() < _MOST or far.max() < _FAR:
+    if (np.abs(shifts).max(axis=1) >= 1).mean() < _MIN_SHIFTED or far.max() < _MIN_MOTION:
         return None
     down, right = (side * np.ptp(path, axis=0)).round().astype(int).tolist()
     return right, down
@@ -176,7 +185,7 @@ def camera(clip: Volume, data_range: float | None) -> tuple[int, int] | None:
 def _pairs(
     clip: Volume, lag: int, side: int, data_range: float | None
 ) -> Iterator[tuple[Floats32, Floats32]]:
-    """Return moments of a clip, gray, reduced and a little blurred, each with a later one."""
+    """Yield pairs of moments `lag` frames apart, as gray, reduced and slightly blurred frames."""
     before: Floats32 | None = None
     for first in range(0, len(clip), lag):
         gray = _reduced(clip[first : first + 1], side, data_range)[0].mean(axis=2)
@@ -186,20 +195,22 @@ def _pairs(
         before = after
 
 
-def _shown(made: Floats32, a: Floats32, b: Floats32, there: Mask, on: Mask) -> npt.NDArray[np.float64]:
-    """Compute what shows in each frame of a transition, in units of what is just seen."""
-    seen = worst_of(steps(made, a, b), _SQUARE, on) / _SEEN_STEPS
+def _frame_visibility(
+    made: Floats32, a: Floats32, b: Floats32, there: Mask, on: Mask
+) -> npt.NDArray[np.float64]:
+    """Compute the visibility of each frame of a transition, in units of what is just visible."""
+    seen = worst_squares(step_visibility(made, a, b), _SQUARE, on) / _VISIBLE_STEPS
     added = _norm(made - np.where(there[..., np.newaxis], b, a))
-    # Where a reduced pixel holds some of either, it differs from both.
+    # A reduced pixel that mixes both stretches differs from each.
     added[ndimage.binary_dilation(there) & ndimage.binary_dilation(~there)] = 0
     contrast = _steepness(a.mean(axis=3), (1, 2))
-    around = ndimage.uniform_filter(contrast, (1, _ROUND, _ROUND))
-    light = worst_of(added / (_CONTRAST * around + _FAINT), _SQUARE, on) / _SEEN_LIGHT
+    around = ndimage.uniform_filter(contrast, (1, _CONTRAST_SIDE, _CONTRAST_SIDE))
+    light = worst_squares(added / (_CONTRAST_WEIGHT * around + _HIDDEN_LIGHT), _SQUARE, on) / _VISIBLE_LIGHT
     return np.maximum(seen, light)
 
 
 def _reduced(values: Volume, side: int, data_range: float | None) -> Floats32:
-    """Return frames as means over squares of pixels, shares of white."""
+    """Reduce frames by means over squares of pixels, as shares of white."""
     shares = as_shares(values, "frames", data_range)
     height, width = (length // side * side for length in shares.shape[1:3])
     squares = shares[:, :height, :width].reshape(

@@ -1,4 +1,4 @@
-"""The heat method for surfaces, coarse to fine and block by block."""
+"""The heat method for surfaces, from coarse to fine and block by block."""
 
 import lazy_loader
 

@@ -1,6 +1,6 @@
 from .block_surface import COARSE_SHARE, block_costs, block_sides, coarse_labels, coarse_span
-from .levels import refined
-from .method import SurfaceKeywords, SurfaceOptions, heat_surface, spread
+from .levels import refine
+from .method import SurfaceKeywords, SurfaceOptions, dilate, heat_surface
 
 __all__ = [
     "COARSE_SHARE",
@@ -10,7 +10,7 @@ __all__ = [
     "block_sides",
     "coarse_labels",
     "coarse_span",
+    "dilate",
     "heat_surface",
-    "refined",
-    "spread",
+    "refine",
 ]

@@ -1,6 +1,4 @@
-"""The first surface between stacks larger than memory: on coarse voxels, from costs that were summed block by
-block.
-"""
+"""The first surface between stacks larger than memory, on coarse voxels with costs summed block by block."""
 
 from __future__ import annotations
 
@@ -19,20 +17,20 @@ from toposeam.volume.heat.method import SurfaceOptions, heat_surface
 from toposeam.volume.problem.posing import face_areas, match_costs
 from toposeam.volume.problem.surface_problem import SurfaceProblem
 
-#: Coarse voxels are so large that the grid of the overlap has at most this many.
-_COARSE = 2_000_000
-#: The coarse surface's share of the work.
+#: Largest number of coarse voxels of the overlap: their grid must fit into memory.
+_MAX_COARSE_VOXELS = 2_000_000
+#: Share of the work, for the progress, that is done when the coarse surface is found.
 COARSE_SHARE = 0.3
-#: It says only where to look.
+#: Options of the coarse surface, of low precision: it only places the slab for the fine one.
 _COARSE_OPTIONS = SurfaceOptions(tolerance=1e-2)
-
-#: `A`, `B` or `FREE` per voxel.
 
 
 def coarse_span(shape: tuple[int, ...]) -> tuple[int, ...]:
-    """Return voxels per coarse voxel along each axis: the longest axes first."""
+    """Return the voxels per coarse voxel along each axis; the longest axes are reduced first."""
     span = [1, 1, 1]
-    while np.prod([-(-length // side) for length, side in zip(shape, span, strict=True)]) > _COARSE:
+    while (
+        np.prod([-(-length // side) for length, side in zip(shape, span, strict=True)]) > _MAX_COARSE_VOXELS
+    ):
         axis = int(np.argmax([length / side for length, side in zip(shape, span, strict=True)]))
         span[axis] *= 2
     return tuple(span)
@@ -50,22 +48,22 @@ def coarse_labels(
     data_range: float | None,
     progress: Callable[[float], None] | None,
 ) -> Mask:
-    """Return the labels of the coarse voxels of the box that two stacks have in common.
+    """Find the labels of the coarse voxels in the common box of two stacks.
 
     Parameters
     ----------
     a, b : (D, H, W, C) dask arrays
-        What each stack has in the box.
+        The voxels of each stack in the box.
     shape : (int, int, int)
-        Of the box.
+        Shape of the box.
     span : (int, int, int)
         Voxels per coarse voxel along each axis.
     ground : mapping
-        Which stack alone covers the ground beyond each face, as :func:`block_sides` takes it.
+        The stack, A or B, beyond each face of the box, as for :func:`block_sides`.
     cost, spacing, data_range
         As for :func:`toposeam.join_volumes`.
     block : int
-        Side of what is read at once, in voxels.
+        Side, in voxels, of the blocks that are read at once.
     """
     import dask
 
@@ -82,7 +80,7 @@ def coarse_labels(
     for done, row in enumerate(rows.values()):
         tasks = []
         for corner in row:
-            # A voxel below for the gradients; above, the next voxel and one for its gradients.
+            # One voxel below for gradients; above, the next voxel and one for its gradients.
             low = [max(0, first - 1) for first in corner]
             high = [
                 min(length, first + side + 2)
@@ -121,7 +119,7 @@ def _coarse_costs(
     spacing: Sequence[float],
     data_range: float | None,
 ) -> tuple[Floats32, ...]:
-    """Compute the costs between the coarse voxels of a block, and to the next ones above."""
+    """Compute the costs between the coarse voxels of a block, and to their neighbours above it."""
     result = []
     for axis, fine in enumerate(block_costs(a, b, cost, spacing, data_range)):
         box = tuple(slice(first, first + side) for first, side in zip(inner, sides, strict=True))
@@ -137,7 +135,7 @@ def _coarse_costs(
 def block_costs(
     a: Any, b: Any, cost: MatchCost, spacing: Sequence[float], data_range: float | None
 ) -> tuple[Floats32, ...]:
-    """Return the match cost along three axes within a block, faces weighted by their areas."""
+    """Compute the match cost along three axes within a block, weighted by the areas of faces."""
     shape = a.shape[:3]
     everywhere = np.ones(shape, bool)
     overlap = Overlap(np.full(shape, FREE, np.uint8), everywhere, (0, 0, 0), shape)
@@ -150,7 +148,20 @@ def block_costs(
 def block_sides(
     shape: tuple[int, ...], ground: dict[tuple[int, bool], int], start: Sequence[int], whole: tuple[int, ...]
 ) -> Bytes:
-    """`A`, `B` or `FREE` for a part of the common box: voxels at ground which only one stack covers."""
+    """Return the side, `A`, `B` or `FREE`, of every voxel in a part of the common box.
+
+    Parameters
+    ----------
+    shape : (int, int, int)
+        Shape of the part.
+    ground : mapping
+        The stack, A or B, beyond faces of the box, by axis and whether at the upper end. Voxels at a face
+        are fixed to it, unless they also touch the other stack.
+    start : three int
+        Index of the part's first voxel in the box.
+    whole : (int, int, int)
+        Shape of the box.
+    """
     touches = np.zeros((2, *shape), bool)
     for (axis, upper), label in ground.items():
         at = whole[axis] - 1 - start[axis] if upper else -start[axis]

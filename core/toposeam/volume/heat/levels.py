@@ -1,4 +1,4 @@
-"""From coarse to fine: volumes of blocks, and what their heat says about the voxels inside."""
+"""Hierarchy of grids: volumes of blocks, and the transfer of potentials from blocks to their voxels."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import numpy.typing as npt
 from toposeam.arrays import Floats32, Mask
 from toposeam.heat.bricks import HIGH, LOW, along
 
-#: Grids with at most this many voxels are not made coarser still, ...
+#: Size, in voxels, up to which a grid is not made coarser.
 COARSEST = 4096
-#: ... and axes with fewer voxels keep all of them.
-_SHORTEST = 8
+#: Least length, in voxels, of an axis that is halved.
+_MIN_HALVED = 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -23,18 +23,18 @@ class VolumeLevel:
     cost: tuple[Floats32, ...]  #: along each axis, as for :class:`toposeam.heat.grid_flow.GridFlow`
     fixed: Mask
     hot: Mask
-    #: How many voxels of the next finer grid a voxel spans along each axis; the last ones may stick out.
+    #: Voxels of the next finer grid in one voxel along each axis; the last voxels may reach beyond that grid.
     span: tuple[int, ...]
 
 
-def coarser(level: VolumeLevel) -> VolumeLevel | None:
-    """Return the grid of blocks of two voxels along each long axis; None where the grid is coarse enough.
+def coarsen(level: VolumeLevel) -> VolumeLevel | None:
+    """Return the grid of blocks of two voxels along each long axis; None if the grid is coarse enough.
 
-    Two blocks are joined by all that joins their voxels. A block that holds fixed voxels of one side is fixed
-    to it, and is free when it holds both.
+    The cost between two blocks is the sum of the costs between their voxels. A block with fixed voxels of one
+    side is fixed to it; with fixed voxels of both sides it is free.
     """
     shape = level.fixed.shape
-    span = tuple(2 if length >= _SHORTEST else 1 for length in shape)
+    span = tuple(2 if length >= _MIN_HALVED else 1 for length in shape)
     if level.fixed.size <= COARSEST or set(span) == {1}:
         return None
     cost = []
@@ -47,8 +47,8 @@ def coarser(level: VolumeLevel) -> VolumeLevel | None:
     return VolumeLevel(tuple(cost), cold ^ hot, hot & ~cold, span)
 
 
-def refined(values: npt.NDArray[np.generic], span: tuple[int, ...], shape: tuple[int, ...]) -> npt.NDArray:  # type: ignore[type-arg]
-    """Return the values of blocks on the voxels inside."""
+def refine(values: npt.NDArray[np.generic], span: tuple[int, ...], shape: tuple[int, ...]) -> npt.NDArray:  # type: ignore[type-arg]
+    """Repeat the values of blocks on the voxels inside."""
     for axis, side in enumerate(span):
         if side > 1:
             values = values.repeat(side, axis)
@@ -56,9 +56,10 @@ def refined(values: npt.NDArray[np.generic], span: tuple[int, ...], shape: tuple
     return np.ascontiguousarray(values)
 
 
-def refined_filling(filled: list[Floats32], span: tuple[int, ...], shape: tuple[int, ...]) -> list[Floats32]:
-    """Return the shares of capacity used between blocks on the interfaces of voxels: the same share between
-    two blocks, the mean of both sides within one.
+def refine_filling(filled: list[Floats32], span: tuple[int, ...], shape: tuple[int, ...]) -> list[Floats32]:
+    """Transfer the used shares of capacity from interfaces of blocks to interfaces of voxels.
+
+    Interfaces between two blocks keep their share; those within a block get the mean of both its sides.
     """
     result = []
     for axis, part in enumerate(filled):
@@ -76,12 +77,12 @@ def refined_filling(filled: list[Floats32], span: tuple[int, ...], shape: tuple[
             inside[along(axis, HIGH)] += part
             inside[along(axis, slice(1, -1))] *= np.float32(0.5)
         target = (*shape[:axis], length, *shape[axis + 1 :])
-        result.append(refined(fine[along(axis, slice(length))], across, target))
+        result.append(refine(fine[along(axis, slice(length))], across, target))
     return result
 
 
 def _blocks(values: npt.NDArray[np.generic], span: tuple[int, ...]) -> npt.NDArray:  # type: ignore[type-arg]
-    """Arrange values in blocks, filled up with zeros: (n, m, …) to (n / span, span, m / span, span, …)."""
+    """Reshape values to blocks, padded with zeros: (n, m, …) to (n / span, span, m / span, span, …)."""
     missing = [(0, -length % side) for length, side in zip(values.shape, span, strict=True)]
     if any(more for _, more in missing):
         values = np.pad(values, missing)

@@ -1,13 +1,12 @@
 """The heat method for surfaces: the label potential of a volume, from coarse to fine.
 
-By ψ the third dimension is direct: a surface between two volumes is where the label potential jumps, 0 on
-what only ``a`` covers and 1 on what only ``b`` covers, and Σ M |Δψ| is to become least. The heat of
-:mod:`toposeam.heat.grid_flow` finds it: first between blocks of voxels, then, starting from what it found
-there, between the voxels.
+The label potential ψ is 0 on voxels of ``a`` only and 1 on voxels of ``b`` only, and minimises Σ M |Δψ|. The
+surface lies where ψ jumps. The method is the same in three dimensions as in two. The heat flow of
+:mod:`toposeam.heat.grid_flow` finds ψ on blocks of voxels first, and then, starting from there, on voxels.
 
 *Large volumes.* On grids beyond `whole` voxels only a slab round the surface of the coarser grid is free, so
-that time, and the way that heat has to go, grow with the surface. What a coarser grid lost is opened again:
-where the surface ends up on the slab's own border, the slab grows there, and the heat goes on.
+that the time, and the distance that heat must travel, grow with the surface only. Where the surface ends up
+on the border of the slab, the slab grows and the flow continues.
 """
 
 from __future__ import annotations
@@ -31,23 +30,23 @@ from toposeam.heat.sweeps import Merged
 from toposeam.optimize.history import Iteration, Termination
 from toposeam.seam.problem.overlap import FREE, A, B
 from toposeam.seam.problem.solution import Solution
-from toposeam.volume.heat.levels import VolumeLevel, coarser, refined, refined_filling
+from toposeam.volume.heat.levels import VolumeLevel, coarsen, refine, refine_filling
 from toposeam.volume.problem.surface_problem import SurfaceProblem
 
-#: Sweeps between two looks at the surface.
-_LOOK_EVERY = 50
-#: A coarse grid is left when its surface is proven within this share; sweeps at most.
-_GATHERED, _COARSE_SWEEPS = 0.01, 400
-#: The slab reaches this many voxels of the coarser grid to either side of its surface.
-_REACH = 4
-#: ... and of wherever a jump of ψ exceeds this.
-_FLOWS = 0.05
-#: How often a slab may grow.
-_GROWTHS = 3
-#: ``soft`` is the last potential whose cost exceeded what is proven by this share.
-_SOFT = 0.1
-#: On coarse grids a forbidden interface costs this many times the dearest other one.
-_DETERRENT = 4.0
+#: Sweeps between two tests of convergence.
+_SWEEPS_PER_TEST = 50
+#: Gap between cost and bound at which a coarse grid is left, and the largest number of sweeps there.
+_COARSE_TOLERANCE, _MAX_COARSE_SWEEPS = 0.01, 400
+#: Reach of the slab to either side of the coarser grid's surface, in voxels of that grid.
+_SLAB_REACH = 4
+#: Least jump of ψ between neighbours that counts as surface for the slab.
+_MIN_JUMP = 0.05
+#: Largest number of times that a slab grows on one grid.
+_MAX_GROWTHS = 3
+#: ``soft`` is the last potential whose cost exceeded the bound by more than this share.
+_SOFT_GAP = 0.1
+#: Cost of a forbidden interface on coarse grids, as a multiple of the largest other cost.
+_FORBIDDEN_FACTOR = 4.0
 
 
 class SurfaceKeywords(TypedDict, total=False):
@@ -68,11 +67,11 @@ class SurfaceOptions:
     3000
     """
 
-    #: The search ends when no surface can be cheaper by more than this share.
+    #: Gap between cost and bound at which the search ends: no surface is cheaper by more than this share.
     tolerance: float = 1e-3
-    #: Sweeps on the finest grid at most.
+    #: Largest number of sweeps on the finest grid.
     max_iterations: int = 3000
-    #: Up to this many voxels everything is free; beyond, a slab round the surface of a coarser grid.
+    #: Largest grid, in voxels, on which all voxels are free; on larger ones only a slab is.
     whole: int = 1_500_000
 
     def __post_init__(self) -> None:
@@ -84,7 +83,7 @@ class SurfaceOptions:
 def heat_surface(
     problem: SurfaceProblem, options: SurfaceOptions, progress: Callable[[float], None] | None = None
 ) -> tuple[Solution, float]:
-    """Find the surface by converging heat.
+    """Find the surface by the heat method.
 
     Parameters
     ----------
@@ -96,9 +95,9 @@ def heat_surface(
     Returns
     -------
     solution : Solution
-        ``soft`` is the label potential while the surface was still proven within no more than 10 %.
+        ``soft`` is the last label potential whose cost exceeded the bound by more than 10 %.
     bound : float
-        What no surface can undercut; 0 where a slab was used.
+        Lower bound on the cost of every surface; 0 if a slab was used.
 
     Raises
     ------
@@ -106,20 +105,20 @@ def heat_surface(
         When forbidden interfaces join the two sides.
     """
     side = problem.overlap.side
-    finest, merged, costs = _posed(problem)
+    finest, merged, costs = _pose(problem)
     levels = [finest]
     while (
-        below := coarser(VolumeLevel(costs, levels[-1].fixed, levels[-1].hot, levels[-1].span))
+        below := coarsen(VolumeLevel(costs, levels[-1].fixed, levels[-1].hot, levels[-1].span))
     ) is not None:
         levels.append(below)
         costs = below.cost
-    run = _Run(options, progress)
+    run = _Search(options, progress)
     for depth in range(len(levels) - 1, -1, -1):
         run.level(levels[depth], depth, merged if depth == 0 else None)
         levels.pop()
     labels = run.labels
     if merged is None:
-        labels = _grounded(labels, side)
+        labels = _without_cut_off(labels, side)
     soft = np.where(side == FREE, run.soft, (side == B).astype(np.float32))
     solution = Solution(
         labels=problem.complete(labels), soft=soft, history=tuple(run.history), termination=run.termination
@@ -127,8 +126,8 @@ def heat_surface(
     return solution, 0.0 if run.in_slab else run.bound
 
 
-class _Run:
-    """The state of a search between its grids."""
+class _Search:
+    """State of a search from coarse to fine."""
 
     def __init__(self, options: SurfaceOptions, progress: Callable[[float], None] | None) -> None:
         self.options, self.progress = options, progress
@@ -143,15 +142,15 @@ class _Run:
         self._share = 0.0
 
     def level(self, level: VolumeLevel, depth: int, merged: Merged | None) -> None:
-        """Let heat gather on one grid, starting from the coarser one's."""
+        """Solve on one grid, starting from the result on the coarser one."""
         shape = level.fixed.shape
         potential, filled, slab = None, None, None
         if self._flow is not None:
             coarse = self._flow.potential
             if level.fixed.size > self.options.whole:
-                slab = refined(_near_flow(coarse, self._costs), self._span, shape)
-            potential = refined(coarse, self._span, shape)
-            filled = refined_filling(self._flow.filled, self._span, shape)
+                slab = refine(_near_jumps(coarse, self._costs), self._span, shape)
+            potential = refine(coarse, self._span, shape)
+            filled = refine_filling(self._flow.filled, self._span, shape)
             self._flow = None
         self._span, self._costs = level.span, level.cost
         self.in_slab = slab is not None
@@ -160,28 +159,28 @@ class _Run:
             fixed, hot = level.fixed, level.hot
             inside = merged
             if slab is not None and potential is not None:
-                slab, inside = _whole_groups(slab, merged)
+                slab, inside = _with_whole_groups(slab, merged)
                 fixed = level.fixed | ~slab
                 hot = np.where(level.fixed, level.hot, potential > 0.5)
             flow = GridFlow(level.cost, fixed, hot, potential, filled, inside)
-            self._gather(flow, depth)
+            self._solve(flow, depth)
             self._flow = flow
-            if slab is None or growths == _GROWTHS:
+            if slab is None or growths == _MAX_GROWTHS:
                 return
-            grown = _regrown(slab, fixed & ~level.fixed, self.labels)
+            grown = _grow_slab(slab, fixed & ~level.fixed, self.labels)
             if grown is None:
                 return
             growths += 1
             slab, potential, filled = grown, flow.potential, flow.filled
 
-    def _gather(self, flow: GridFlow, depth: int) -> None:
+    def _solve(self, flow: GridFlow, depth: int) -> None:
         finest = depth == 0
-        tolerance = self.options.tolerance if finest else _GATHERED
-        sweeps = self.options.max_iterations if finest else _COARSE_SWEEPS
+        tolerance = self.options.tolerance if finest else _COARSE_TOLERANCE
+        sweeps = self.options.max_iterations if finest else _MAX_COARSE_SWEEPS
         cheapest, self.bound, first = np.inf, 0.0, 0.0
         self.termination = Termination.ITERATIONS
         self.soft = flow.potential
-        for sweep in range(0, sweeps + 1, _LOOK_EVERY):
+        for sweep in range(0, sweeps + 1, _SWEEPS_PER_TEST):
             seen = flow.look()
             if seen.cut < cheapest:
                 cheapest, self.labels = seen.cut, flow.potential > seen.threshold
@@ -197,7 +196,7 @@ class _Run:
                     unknowns=flow.n_free,
                 )
             )
-            if seen.objective > (1 + _SOFT) * self.bound:
+            if seen.objective > (1 + _SOFT_GAP) * self.bound:
                 self.soft = flow.potential
             gap = cheapest / self.bound - 1 if self.bound > 0 else np.inf
             if finest and self.progress is not None:
@@ -208,13 +207,11 @@ class _Run:
             if gap <= tolerance:
                 self.termination = Termination.SINGLE_LINE
                 break
-            flow.sweep(min(_LOOK_EVERY, sweeps - sweep))
+            flow.sweep(min(_SWEEPS_PER_TEST, sweeps - sweep))
 
 
-def _posed(problem: SurfaceProblem) -> tuple[VolumeLevel, Merged | None, tuple[Floats32, ...]]:
-    """Return the finest grid, its voxels that must not be divided, and the costs that coarser grids are made
-    of.
-    """
+def _pose(problem: SurfaceProblem) -> tuple[VolumeLevel, Merged | None, tuple[Floats32, ...]]:
+    """Return the finest grid, its groups of voxels that stay undivided, and the costs for coarser grids."""
     side = problem.overlap.side
     fixed, hot = (side == A) | (side == B), side == B
     if not np.isfinite(problem.forbidden):
@@ -251,7 +248,7 @@ def _posed(problem: SurfaceProblem) -> tuple[VolumeLevel, Merged | None, tuple[F
     for axis, cost in enumerate(problem.costs):
         below, above = label[along(axis, LOW)], label[along(axis, HIGH)]
         inner.append(np.where((below == above) & (below > 0), np.float32(0), cost))
-        deterred.append(np.minimum(cost, np.float32(_DETERRENT * highest)))
+        deterred.append(np.minimum(cost, np.float32(_FORBIDDEN_FACTOR * highest)))
     free = ~decided & (at == FREE)
     merged = None
     if free.any():
@@ -260,28 +257,28 @@ def _posed(problem: SurfaceProblem) -> tuple[VolumeLevel, Merged | None, tuple[F
     return VolumeLevel(tuple(inner), fixed, hot, (1,) * side.ndim), merged, tuple(deterred)
 
 
-def _near_flow(potential: Floats32, costs: Sequence[Floats32]) -> Mask:
-    """Return voxels within a few steps of where heat flows, or the labels change."""
+def _near_jumps(potential: Floats32, costs: Sequence[Floats32]) -> Mask:
+    """Mark the voxels within a few steps of jumps of the potential, or of changes of the labels."""
     near = np.zeros(potential.shape, bool)
     for axis, cost in enumerate(costs):
         low, high = along(axis, LOW), along(axis, HIGH)
-        flows = np.abs(potential[high] - potential[low]) > _FLOWS
+        flows = np.abs(potential[high] - potential[low]) > _MIN_JUMP
         flows |= (potential[high] > 0.5) != (potential[low] > 0.5)
         flows &= cost > 0
         near[low] |= flows
         near[high] |= flows
-    return spread(near, _REACH)
+    return dilate(near, _SLAB_REACH)
 
 
-def spread(mask: Mask, reach: int) -> Mask:
-    """Dilate a mask by some steps, along every axis and between them."""
+def dilate(mask: Mask, reach: int) -> Mask:
+    """Dilate a mask by a cube that reaches `reach` voxels to every side."""
     for axis in range(mask.ndim):
         mask = ndimage.maximum_filter1d(mask.view(np.uint8), 2 * reach + 1, axis, mode="constant").view(bool)
     return mask
 
 
-def _whole_groups(slab: Mask, merged: Merged | None) -> tuple[Mask, Merged | None]:
-    """Return the slab with every group of merged voxels that it meets, and those groups."""
+def _with_whole_groups(slab: Mask, merged: Merged | None) -> tuple[Mask, Merged | None]:
+    """Extend a slab by all groups of merged voxels that it meets; return it with those groups."""
     if merged is None:
         return slab, None
     met = np.bincount(merged.group, slab.ravel()[merged.voxel]) > 0
@@ -294,8 +291,8 @@ def _whole_groups(slab: Mask, merged: Merged | None) -> tuple[Mask, Merged | Non
     return slab, Merged(merged.voxel[kept], numbered)
 
 
-def _regrown(slab: Mask, closed: Mask, labels: Mask) -> Mask | None:
-    """Return the slab opened where the surface runs along its border; None where it does not."""
+def _grow_slab(slab: Mask, closed: Mask, labels: Mask) -> Mask | None:
+    """Grow a slab where the surface runs along its border; None if it does so nowhere."""
     touched = np.zeros(slab.shape, bool)
     for axis in range(slab.ndim):
         low, high = along(axis, LOW), along(axis, HIGH)
@@ -304,12 +301,13 @@ def _regrown(slab: Mask, closed: Mask, labels: Mask) -> Mask | None:
         touched[high] |= at_border
     if not touched.any():
         return None
-    return slab | spread(touched, 2 * _REACH)
+    return slab | dilate(touched, 2 * _SLAB_REACH)
 
 
-def _grounded(labels: Mask, side: npt.NDArray[np.uint8]) -> Mask:
-    """Return the labelling in which voxels that are cut off from their own volume's ground go to the other;
-    never dearer.
+def _without_cut_off(labels: Mask, side: npt.NDArray[np.uint8]) -> Mask:
+    """Give pieces that are not connected to their own volume's ground to the other volume.
+
+    The cost of the labelling never grows.
     """
     free = side == FREE
     for own, wanted in ((B, True), (A, False)):

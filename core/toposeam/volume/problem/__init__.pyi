@@ -1,5 +1,5 @@
 from .arrays import as_shares, as_volume
-from .canvas import Places, placed
+from .canvas import Places, place_stacks
 from .posing import check_spacing, face_areas, match_costs
 from .surface_problem import SurfaceProblem
 
@@ -11,5 +11,5 @@ __all__ = [
     "check_spacing",
     "face_areas",
     "match_costs",
-    "placed",
+    "place_stacks",
 ]

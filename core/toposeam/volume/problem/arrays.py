@@ -1,4 +1,4 @@
-"""Volume and clip arrays on the way in."""
+"""Conversion and checks of volume and clip arrays."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ def as_volume(volume: Any, name: str, channel_axis: int | None = None) -> Volume
     ----------
     volume : (D, H, W) or (D, H, W, C) array_like
     name : str
-        What the caller calls it; used in error texts.
+        Name of the volume in error texts.
     channel_axis : int, optional
-        Where the channels of a four-dimensional array are; last by default.
+        Axis of the channels in a four-dimensional array; last by default.
 
     Returns
     -------
@@ -88,6 +88,6 @@ def as_volume(volume: Any, name: str, channel_axis: int | None = None) -> Volume
 def as_shares(volume: Volume, name: str, data_range: float | None) -> npt.NDArray[np.float32]:
     """Return a (D, H, W, C) array as float32 shares of white; see :func:`toposeam.images.as_float`."""
     flat = volume.reshape(volume.shape[0] * volume.shape[1], *volume.shape[2:])
-    # One row of many would look like (C, H, W).
+    # An array of at most four rows would be taken as (C, H, W) and refused.
     tall = flat if len(flat) > 4 else np.concatenate([flat, *[flat[:1]] * 4])
     return as_float(tall, name, data_range)[: len(flat)].reshape(volume.shape)

@@ -1,4 +1,4 @@
-"""Two stacks on one canvas: where they lie, and what lies in both."""
+"""Boxes of two stacks on one canvas, and their common box."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from toposeam.checks import check_whole, unsuitable
+from toposeam.checks import check_whole, kind_error
 from toposeam.errors import OverlapError, Term
 
-#: How far a stack may lie from another one, in voxels.
-_FARTHEST = 10**8
+#: Largest offset between two stacks along an axis, in voxels.
+_MAX_OFFSET = 10**8
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,13 +19,13 @@ class Places:
 
     size_a: tuple[int, ...]
     size_b: tuple[int, ...]
-    #: Where each one's first voxel lies.
+    #: Index, on the canvas, of each stack's first voxel.
     a: tuple[int, ...]
     b: tuple[int, ...]
 
     @property
     def canvas(self) -> tuple[int, ...]:
-        """The size that holds both."""
+        """Size of the smallest box that contains both stacks."""
         return tuple(
             max(a + size_a, b + size_b)
             for a, size_a, b, size_b in zip(self.a, self.size_a, self.b, self.size_b, strict=True)
@@ -33,14 +33,14 @@ class Places:
 
     @property
     def overlap(self) -> tuple[slice, ...]:
-        """The box that both cover."""
+        """Box that both stacks cover."""
         return tuple(
             slice(max(a, b), min(a + size_a, b + size_b))
             for a, size_a, b, size_b in zip(self.a, self.size_a, self.b, self.size_b, strict=True)
         )
 
     def inside(self, box: Sequence[slice], which: str) -> tuple[slice, ...]:
-        """Return a box of the canvas seen from stack "a" or "b"."""
+        """Return a box of the canvas in the coordinates of stack "a" or "b"."""
         start = self.a if which == "a" else self.b
         return tuple(
             slice(part.start - first, part.stop - first) for part, first in zip(box, start, strict=True)
@@ -52,34 +52,34 @@ class Places:
         return tuple(slice(first, first + length) for first, length in zip(start, size, strict=True))
 
 
-def placed(size_a: Sequence[int], size_b: Sequence[int], offset: Any) -> Places:
+def place_stacks(size_a: Sequence[int], size_b: Sequence[int], offset: Any) -> Places:
     """Place two stacks, the second one at an offset from the first.
 
     Parameters
     ----------
     size_a, size_b : three int
     offset : three int
-        Where b's first voxel lies in a, (z, y, x); may be negative.
+        Position of b's first voxel in a, (z, y, x); may be negative.
 
     Raises
     ------
     OptionError
-        When the offset is none.
+        When `offset` is not three whole numbers.
     OverlapError
-        When nothing lies in both, or too little for a surface.
+        When the stacks do not overlap.
 
     Examples
     --------
-    >>> places = placed((4, 5, 6), (4, 5, 6), (0, -1, 4))
+    >>> places = place_stacks((4, 5, 6), (4, 5, 6), (0, -1, 4))
     >>> places.canvas, places.overlap
     ((4, 6, 10), (slice(0, 4, None), slice(1, 5, None), slice(4, 6, None)))
     """
     try:
-        steps = [check_whole("offset", step, -_FARTHEST, _FARTHEST) for step in offset]
+        steps = [check_whole("offset", step, -_MAX_OFFSET, _MAX_OFFSET) for step in offset]
     except TypeError as error:
-        raise unsuitable("offset", offset, "three whole numbers: z, y, x") from error
+        raise kind_error("offset", offset, "three whole numbers: z, y, x") from error
     if len(steps) != 3:
-        raise unsuitable("offset", offset, "three whole numbers: z, y, x")
+        raise kind_error("offset", offset, "three whole numbers: z, y, x")
     a = tuple(max(0, -step) for step in steps)
     b = tuple(max(0, step) for step in steps)
     places = Places(tuple(size_a), tuple(size_b), a, b)

@@ -1,6 +1,4 @@
-"""A surface problem posed: two volumes, their masks and the options of the match cost in; overlap and costs
-out.
-"""
+"""Posing of surface problems: from two volumes, masks and options to an overlap and costs."""
 
 from __future__ import annotations
 
@@ -20,7 +18,7 @@ from toposeam.seam.problem.posing import as_weights, forbid, placed
 from toposeam.volume.problem.arrays import as_shares, as_volume
 from toposeam.volume.problem.surface_problem import SurfaceProblem
 
-#: The match cost is computed from blocks of about this many voxels.
+#: Size of the blocks, in voxels, about, by which the match cost is computed, to bound memory.
 _BLOCK_VOXELS = 1 << 18
 AXES = (0, 1, 2)
 
@@ -40,8 +38,13 @@ def surface_problem(
     channel_axis: int | None = None,
     data_range: float | None = None,
 ) -> tuple[SurfaceProblem, Mask]:
-    """Return the problem behind :func:`toposeam.find_surface`, and the (D, H, W) mask of the voxels only
-    ``b`` covers.
+    """Pose the problem of :func:`toposeam.find_surface`.
+
+    Returns
+    -------
+    problem : SurfaceProblem
+    only_b : (D, H, W) bool array
+        True on voxels that only ``b`` covers.
     """
     volume_a, volume_b = as_volume(a, "a", channel_axis), as_volume(b, "b", channel_axis)
     canvas = volume_a.shape[:3]
@@ -78,7 +81,7 @@ def surface_problem(
 
 
 def end_to_end(shape: tuple[int, ...], axis: int) -> Overlap:
-    """Return the overlap that fills the whole canvas; ``b`` continues beyond it along an axis.
+    """Return an overlap that fills the whole canvas, with ``b`` continuing beyond it along an axis.
 
     Raises
     ------
@@ -103,8 +106,7 @@ def end_to_end(shape: tuple[int, ...], axis: int) -> Overlap:
 
 
 def face_areas(spacing: Sequence[float]) -> tuple[np.float32, ...]:
-    """Return the area of the face between two neighbours along each axis, as a share of that of a cube of the
-    same volume.
+    """Return the area of a voxel's faces across each axis, relative to the face of a cube of the same volume.
 
     Examples
     --------
@@ -119,7 +121,7 @@ def face_areas(spacing: Sequence[float]) -> tuple[np.float32, ...]:
 
 
 def check_spacing(spacing: Sequence[float]) -> tuple[float, float, float]:
-    """Return the depth, height and width of a voxel.
+    """Check and return the depth, height and width of a voxel.
 
     Raises
     ------
@@ -157,9 +159,7 @@ def match_costs(
     factor: Floats32 | None,
     data_range: float | None,
 ) -> tuple[Floats32, ...]:
-    """Return the match cost along three axes, from blocks of slices: only one block is held as float32 at a
-    time.
-    """
+    """Compute the match cost along three axes, by blocks of slices: only one is in memory as float32."""
     shape = overlap.side.shape
     result = tuple(
         np.empty([length - (place == axis) for place, length in enumerate(shape)], np.float32)
@@ -168,7 +168,7 @@ def match_costs(
     step = max(1, _BLOCK_VOXELS // (shape[1] * shape[2]))
     for start in range(0, shape[0], step):
         stop = min(start + step, shape[0])
-        # The next slice of the last one, and as many slices as the cost looks beyond either end.
+        # Add the slice after the last one, and at both ends the slices that the cost looks at.
         low, high = max(start - cost.look, 0), min(stop + 1 + cost.look, shape[0])
         part = slice(low, high)
         block = Overlap(overlap.side[part], overlap.shared[part], (low, 0, 0), overlap.canvas)
@@ -193,7 +193,7 @@ def match_costs(
 
 
 def _shares(volume: Volume, present: Mask, name: str, data_range: float | None) -> Floats32:
-    """Return a block of a volume as float32, zero where it has no voxels (whatever the array holds there)."""
+    """Return a block of a volume as float32 shares of white, 0 where its mask has no voxels."""
     if not present.all():
         volume = np.where(present[..., np.newaxis], volume, volume.dtype.type(0))
     return as_shares(volume, name, data_range)

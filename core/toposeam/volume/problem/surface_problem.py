@@ -1,4 +1,4 @@
-"""A surface problem ready to be solved: the overlap of two volumes, and the match cost of its interfaces."""
+"""The surface problem: the overlap of two volumes, and the match cost of its interfaces."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from toposeam.seam.problem.overlap import FREE, A, B, Overlap
 
 @dataclass(frozen=True, eq=False)
 class SurfaceProblem:
-    """An overlap with the match cost of its interfaces.
+    """Overlap of two volumes with the match cost of its interfaces.
 
     Parameters
     ----------
@@ -37,17 +37,17 @@ class SurfaceProblem:
 
     @property
     def free(self) -> Mask:
-        """(d, h, w) bool: voxels for which the surface decides."""
+        """(d, h, w) bool: True on voxels whose label is free."""
         free: Mask = self.overlap.side == FREE
         return free
 
     def complete(self, labels: npt.NDArray[Any]) -> npt.NDArray[Any]:
-        """Return the labelling with every voxel that is not free set to its side (`NONE` counts as ``a``)."""
+        """Set every voxel of a labelling that is not free to its side (`NONE` counts as ``a``)."""
         side = self.overlap.side
         return np.where(side == FREE, labels, (side == B).astype(labels.dtype))
 
     def cost(self, labels: Mask) -> float:
-        """Σ M over the interfaces that a (d, h, w) bool labelling cuts.
+        """Compute Σ M over the interfaces that a (d, h, w) bool labelling cuts.
 
         Raises
         ------
@@ -68,9 +68,7 @@ class SurfaceProblem:
         return total
 
     def on_canvas(self, labels: npt.NDArray[Any], only_b: Mask) -> npt.NDArray[Any]:
-        """Window values spread to the canvas: those of the overlap from `labels`, elsewhere True (1) where
-        only ``b`` has voxels.
-        """
+        """Put window values on the canvas: `labels` in the overlap, elsewhere 1 where only ``b`` is."""
         result = only_b.astype(labels.dtype)
         on_canvas, on_window = self.overlap.inside
         shared = self.overlap.shared[on_window]

@@ -8,7 +8,7 @@ from scipy import ndimage
 from skimage import measure
 
 import toposeam as ts
-from toposeam.motif.ink import EDGES, beyond, level, shading
+from toposeam.motif.ink import EDGES, coverage_beyond, level, stroke_ends
 from toposeam.motif.ink.svg import _Bands
 
 
@@ -36,8 +36,8 @@ def motif_of(density, edge, repeat="translate"):
 
 @pytest.mark.parametrize("size", [64, 200, 945])
 def test_crisp_edges_are_at_most_two_pixels_wide(size):
-    printed = motif_of(disc(64, 16), "crisp").coverage((size, size))[0]
-    for line in (printed[size // 2], printed[:, size // 2], np.diagonal(printed)):
+    print_layer = motif_of(disc(64, 16), "crisp").coverage((size, size))[0]
+    for line in (print_layer[size // 2], print_layer[:, size // 2], np.diagonal(print_layer)):
         between = np.flatnonzero((line > 0.1) & (line < 0.9))
         assert len(between) <= 4  # of two edges
     soft = motif_of(disc(64, 16), "soft").coverage((size, size))[0][size // 2]
@@ -80,15 +80,15 @@ def test_edges_of_motifs_at_300_dpi_are_at_most_two_px_wide(repeat):
 @pytest.mark.parametrize("size", [(40, 40), (64, 64), (300, 300)])
 def test_what_is_printed_has_the_mass_that_was_spent(edge, size):
     density = disc(64, 18)
-    printed = motif_of(density, edge).coverage(size)[0]
-    assert printed.mean() == pytest.approx(density.mean(), rel=0.02)
-    assert 0 <= printed.min() <= printed.max() <= 1
+    print_layer = motif_of(density, edge).coverage(size)[0]
+    assert print_layer.mean() == pytest.approx(density.mean(), rel=0.02)
+    assert 0 <= print_layer.min() <= print_layer.max() <= 1
 
 
 def test_a_disc_keeps_its_radius():
-    printed = motif_of(disc(64, 18), "crisp").coverage((640, 640))[0]
+    print_layer = motif_of(disc(64, 18), "crisp").coverage((640, 640))[0]
     # The area of a disc with a logistic haze s is π (r² + π² s² / 3).
-    assert np.sqrt(printed.sum() / np.pi) == pytest.approx(
+    assert np.sqrt(print_layer.sum() / np.pi) == pytest.approx(
         10 * np.sqrt(18**2 + np.pi**2 * 1.5**2 / 3), rel=5e-3
     )
 
@@ -104,7 +104,7 @@ def test_ink_shades_within_its_edge_and_leaves_paper_clean():
 
 def test_the_share_of_a_pixel_beyond_a_straight_edge_is_exact():
     x = np.broadcast_to(np.arange(12, dtype=np.float32), (8, 12))
-    shares = beyond(x, 5.25, "none")[4]
+    shares = coverage_beyond(x, 5.25, "none")[4]
     assert shares.tolist() == [0] * 5 + [0.25] + [1] * 6
 
 
@@ -134,13 +134,13 @@ def test_pixels_and_drawing_are_the_same_contours(repeat, edge):
 def test_drawing_levels_are_midway_between_adjacent_densities():
     density = disc(64, 16)
     assert _Bands("soft", (0.0, np.float32(1)), 4).thresholds == pytest.approx([1 / 8, 3 / 8, 5 / 8, 7 / 8])
-    at, gain = shading([density], "ink", "translate", 2)
-    edge, gain_of_crisp = shading([density], "crisp", "translate", 2)
+    at, gain = stroke_ends([density], "ink", "translate", 2)
+    edge, gain_of_crisp = stroke_ends([density], "crisp", "translate", 2)
     assert _Bands("crisp", (edge, gain_of_crisp), 4).thresholds == pytest.approx([edge])
     # Ink begins at the stroke's edge; inside it levels part what is printed, the density times the gain.
     ink = _Bands("ink", (at, gain), 4)
-    printed = [t / gain for t in (1 / 8, 3 / 8, 5 / 8, 7 / 8)]
-    assert ink.thresholds == pytest.approx([at, *(t for t in printed if t >= at)])
+    print_layer = [t / gain for t in (1 / 8, 3 / 8, 5 / 8, 7 / 8)]
+    assert ink.thresholds == pytest.approx([at, *(t for t in print_layer if t >= at)])
     assert len(ink.thresholds) < 5  # one of them would lie in the haze beside the stroke
     assert ink.tones(density.astype(float))[0] == 0
     assert 0 < _Bands("soft", (0.0, np.float32(1)), 4).tones(density.astype(float))[0] < 1 / 8

@@ -7,7 +7,7 @@ import pytest
 from scipy import ndimage
 
 import toposeam as ts
-from toposeam.motif.ink import mended
+from toposeam.motif.ink import repair_strokes
 from toposeam.motif.symmetry import tile
 
 
@@ -23,18 +23,18 @@ def strokes(gap=2):
 
 def test_gaps_and_pinholes_are_closed_and_the_mass_stays():
     design = strokes()
-    made = mended(design, "translate", float(design.mean()))
+    made = repair_strokes(design, "translate", float(design.mean()))
     assert made[41:45].min() > 0.9
     assert made[80:120, 60:100].min() > 0.9
     assert made.mean() == pytest.approx(design.mean(), rel=1e-4)
     np.testing.assert_allclose(made[50:75], 0.001)  # and nothing but that
     wide = strokes(gap=12)
-    assert mended(wide, "translate", float(wide.mean()))[42, 76] < 0.01
+    assert repair_strokes(wide, "translate", float(wide.mean()))[42, 76] < 0.01
 
 
 def test_what_motifs_share_at_the_border_stays():
     design = np.roll(strokes(), 75, axis=1)  # the gap lies at the border
-    made = mended(design, "translate", 0.3, kept=4)
+    made = repair_strokes(design, "translate", 0.3, kept=4)
     np.testing.assert_array_equal(made[:, :4], design[:, :4])
     assert made[99, 4] == made[99, 5] == 1
 

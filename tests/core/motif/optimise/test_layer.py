@@ -10,7 +10,7 @@ from scipy import ndimage
 
 import toposeam as ts
 from toposeam.motif.optimise import layer, optimise_layer, plan, problem_at, tile_size, to_tile
-from toposeam.motif.optimise.layer import finer_temperature
+from toposeam.motif.optimise.layer import refine_temperature
 from toposeam.motif.recipe import pack_base, unpack_base
 from toposeam.motif.symmetry import symmetry
 from toposeam.motif.symmetry.mirrors import mirrors
@@ -197,7 +197,7 @@ def test_the_thesis_s_law_conducts_in_proportion_to_brightness():
 def test_a_finer_plate_starts_from_interpolated_temperatures():
     y, x = np.mgrid[:4, :6].astype(float)
     fine_y, fine_x = np.mgrid[:7, :11] / 2
-    np.testing.assert_array_equal(finer_temperature(3 * x + 5 * y, (6, 10)), 3 * fine_x + 5 * fine_y)
+    np.testing.assert_array_equal(refine_temperature(3 * x + 5 * y, (6, 10)), 3 * fine_x + 5 * fine_y)
 
 
 @pytest.mark.parametrize(("radius", "plates"), [(2.5, 2), (2.49, 1)])
@@ -310,6 +310,6 @@ def test_a_finer_lattice_goes_through_the_nodes():
         return 0.5 + 0.2 * np.cos(2 * np.pi * u) + 0.1 * np.sin(2 * np.pi * (u - v))
 
     fine_v, fine_u = np.mgrid[:32, :32] / 32
-    fine = problem.finer(wave(v, u), (32, 32))
+    fine = problem.refine(wave(v, u), (32, 32))
     np.testing.assert_allclose(fine, wave(fine_v, fine_u), atol=1e-3)
     np.testing.assert_allclose(fine[::2, ::2], wave(v, u), atol=1e-9)

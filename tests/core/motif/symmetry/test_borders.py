@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import toposeam as ts
-from toposeam.motif.border_smoothing import calmed_row
-from toposeam.motif.symmetry import faded, with_mass
+from toposeam.motif.border_smoothing import smooth_row_borders
+from toposeam.motif.symmetry import fade_to_mean, restore_mass
 
 
 def noise(seed=0, side=96):
@@ -34,7 +34,7 @@ def test_plain_noise_exceeds_the_95th_percentile_at_its_rate():
 
 def test_fading_ends_in_the_mean_of_all_and_leaves_the_inside():
     fields = np.stack([noise(1), noise(2)])
-    soft = faded(fields, 2)
+    soft = fade_to_mean(fields, 2)
     mean = fields.mean(axis=0)
     for rows in (np.s_[:2], np.s_[-2:]):
         np.testing.assert_array_equal(soft[:, rows], np.stack([mean[rows]] * 2))
@@ -43,7 +43,7 @@ def test_fading_ends_in_the_mean_of_all_and_leaves_the_inside():
 
 def test_mass_is_met_from_the_inside():
     field = noise(3)
-    found = with_mass(field, 0.4)
+    found = restore_mass(field, 0.4)
     assert found.mean() == pytest.approx(0.4, abs=1e-6)
     np.testing.assert_array_equal(found[:5], field[:5])
 
@@ -99,7 +99,7 @@ def darker(field, axis, reach):
 def test_a_line_along_a_border_becomes_what_lies_beside_it(tone):
     shape = (100, 70)  # compared with what lies 3 rows and 2 columns beside it
     field = with_line(1, shape, 2, tone)
-    (calm,) = calmed_row([field], ["soft"], "translate", 0, [0])
+    (calm,) = smooth_row_borders([field], ["soft"], "translate", 0, [0])
     assert abs(darker(field, 0, 3)) > 0.1
     assert abs(darker(calm, 0, 3)) < 4e-3
     assert abs(darker(calm, 1, 2)) < 4e-3
@@ -118,7 +118,7 @@ def test_what_motifs_share_at_the_border_stays_shared():
     one, other = with_line(1, shape, 2, 0.7), with_line(2, shape, 2, 0.7)
     other[:, [0, 1, -2, -1]] = one[:, [0, 1, -2, -1]]
     other[[0, 1, -2, -1]] = one[[0, 1, -2, -1]]
-    calm = calmed_row([one, other], ["soft", "soft"], "translate", 2, [0, 1])
+    calm = smooth_row_borders([one, other], ["soft", "soft"], "translate", 2, [0, 1])
     for lines in (np.s_[:2], np.s_[-2:], np.s_[:, :2], np.s_[:, -2:]):
         np.testing.assert_array_equal(calm[0][lines], calm[1][lines])
     for before, after in zip((one, other), calm, strict=True):
@@ -133,8 +133,8 @@ def test_what_motifs_share_at_the_border_stays_shared():
 def test_motifs_that_come_later_change_nothing_of_the_first(edge):
     fields = [with_line(seed, (64, 72), 2, 0.8) for seed in range(3)]
     fields[2] += 0.3
-    first = calmed_row(fields[:2], [edge] * 2, "translate", 0, [0, 1])
-    later = calmed_row(fields, [edge] * 3, "translate", 0, [0, 1])
+    first = smooth_row_borders(fields[:2], [edge] * 2, "translate", 0, [0, 1])
+    later = smooth_row_borders(fields, [edge] * 3, "translate", 0, [0, 1])
     for one, two in zip(first, later, strict=False):
         np.testing.assert_array_equal(one, two)
     assert len(later) == 3
@@ -154,7 +154,7 @@ def test_tones_go_over_into_the_mean_of_all_at_borders(axis):
         means = [field.mean(axis=1 - axis) for field in row]
         return abs(means[1][-1] - means[0][0]), abs(means[0][-1] - means[1][0])
 
-    calm = calmed_row(fields, ["soft", "soft"], "translate", 0, [0, 1])
+    calm = smooth_row_borders(fields, ["soft", "soft"], "translate", 0, [0, 1])
     assert max(steps(calm)) < 0.2 * max(steps(fields))
     deep = 4 * reach
     inside = np.s_[deep:-deep, 5:-5] if axis == 0 else np.s_[5:-5, deep:-deep]

@@ -5,9 +5,9 @@ import pytest
 from scipy import ndimage
 
 import toposeam as ts
-from toposeam.motif.border_smoothing import conspicuous
+from toposeam.motif.border_smoothing import border_visibilities
 from toposeam.motif.symmetry import Mirrors, symmetry
-from toposeam.motif.symmetry.mirrors import mirrors, places_of
+from toposeam.motif.symmetry.mirrors import mirror_places, mirrors
 
 
 @pytest.mark.parametrize(
@@ -24,7 +24,7 @@ from toposeam.motif.symmetry.mirrors import mirrors, places_of
     ],
 )
 def test_mirrors_lie_where_the_group_has_them(repeat, down, across):
-    found = [sorted(places) for places in places_of(repeat)]
+    found = [sorted(places) for places in mirror_places(repeat)]
     if repeat == "pmg":  # one of the two, by the setting
         assert sorted(found) == sorted([down, across])
     else:
@@ -42,7 +42,7 @@ def test_rows_at_a_mirror_hold_as_much_as_those_beyond(repeat):
     field[:2] *= 0.5
     field[-2:] *= 0.5
     field = orbits.mean(field)
-    found = mirrors(repeat, shape).held(field, 0.3, np.full(shape, 0.01), np.ones(shape))
+    found = mirrors(repeat, shape).balance(field, 0.3, np.full(shape, 0.01), np.ones(shape))
     rows = found.mean(axis=1)
     assert field.mean(axis=1)[0] < 0.85 * field.mean(axis=1)[6:12].mean()
     assert rows[0] == pytest.approx(rows[4:8].mean(), rel=0.06)
@@ -62,7 +62,7 @@ def test_wash_has_no_hairline_where_a_mirrors_band_ends(repeat):
 
     def sharpest(wash):
         bounds = np.full(shape, 0.01), np.ones(shape)
-        found = mirrors(repeat, shape).held(field, float(field.mean()), *bounds, wash=wash)
+        found = mirrors(repeat, shape).balance(field, float(field.mean()), *bounds, wash=wash)
         assert found.mean() == pytest.approx(field.mean(), rel=1e-3)
         factor = np.log(found / field)
         return max(np.abs(np.diff(factor, 2, axis=axis)).max() for axis in (0, 1))
@@ -86,7 +86,7 @@ def test_what_a_mirror_lacks_its_band_gets(wash):
     """
     shape = (60, 84)
     field = pale_lines(shape, [0])
-    found = Mirrors("translate", shape, border=True).held(
+    found = Mirrors("translate", shape, border=True).balance(
         field, 0.3, *map(np.full, [shape] * 2, [0.0, 1.0]), wash=wash
     )
     factor = np.log(found / field)
@@ -116,7 +116,7 @@ def test_rows_at_the_edge_of_reflect_hold_what_those_beyond_do(wash):
     shape = (70, 60)
     field = pale_lines(shape, [0])
     lowest, highest = np.full(shape, 0.01), np.ones(shape)
-    found = Mirrors("reflect", shape).held(field, 0.3, lowest, highest, wash=wash)
+    found = Mirrors("reflect", shape).balance(field, 0.3, lowest, highest, wash=wash)
     rows, columns, before = found.mean(axis=1), found.mean(axis=0), field.mean(axis=1)
     assert found.mean() == pytest.approx(0.3, abs=1e-6)
     if wash:
@@ -136,7 +136,7 @@ def test_designs_without_mirrors_are_left_as_they_are():
     field = np.random.default_rng(0).random((12, 12))
     free = Mirrors("translate", (12, 12))
     assert not free.any
-    assert free.held(field, 0.9, np.zeros((12, 12)), np.ones((12, 12))) is field
+    assert free.balance(field, 0.9, np.zeros((12, 12)), np.ones((12, 12))) is field
     assert Mirrors("pm", (12, 12)).any
     assert Mirrors("translate", (12, 12), border=True).any
 
@@ -147,6 +147,6 @@ def test_no_border_shows(repeat):
     """Rules whose borders showed in one of these seeds while nothing was done about it."""
     for seed in (0, 1, 2):
         motif = ts.generate_motif(64, repeat=repeat, seed=seed, layers=2)
-        assert conspicuous(motif).max() <= 1.0
+        assert border_visibilities(motif).max() <= 1.0
         for layer, density in zip(motif.recipe.layers, motif.densities, strict=True):
             assert density.mean() == pytest.approx(layer.mass, abs=0.01)

@@ -7,7 +7,7 @@ import pytest
 
 import toposeam as ts
 from toposeam.heat.plate_joints import Joint
-from toposeam.motif.symmetry import GENERATORS, HEXAGONAL, joint, onto_axes, operations, symmetry
+from toposeam.motif.symmetry import GENERATORS, HEXAGONAL, joint, move_onto_axes, operations, symmetry
 from toposeam.motif.symmetry.rules import permutation
 
 #: How many operations each group has modulo the translations of its cell (centred cells have twice their
@@ -163,7 +163,7 @@ def test_places_are_moved_onto_mirrors_and_centres(repeat):
     rng, moved = np.random.default_rng(1), 0
     for _ in range(20):
         start = rng.random(2)
-        place = onto_axes(start, repeat, rng)
+        place = move_onto_axes(start, repeat, rng)
         assert (place >= 0).all()
         assert (place <= 1).all()
         if np.array_equal(place, start):

@@ -5,7 +5,7 @@ import pytest
 from scipy import ndimage
 
 import toposeam as ts
-from toposeam.volume.clip.levelling import added, without_light
+from toposeam.volume.clip.levelling import add_change, remove_light_difference
 
 
 def passing(frames=40, size=(24, 32), seed=0):
@@ -78,10 +78,10 @@ def test_values_stay_of_their_type_and_within_it(dtype):
 
 
 def test_sums_beyond_a_type_stop_at_its_ends():
-    assert added(np.array([250, 3], np.uint8), np.array([9.6, -9.6])).tolist() == [255, 0]
-    assert added(np.array([-5, 7], np.int16), np.array([-9.6, 0.6])).tolist() == [-15, 8]
-    assert added(np.array([True, False]), np.array([-0.6, 0.4])).tolist() == [False, False]
-    assert added(np.array([0.9]), np.array([0.4])).tolist() == [1.3]
+    assert add_change(np.array([250, 3], np.uint8), np.array([9.6, -9.6])).tolist() == [255, 0]
+    assert add_change(np.array([-5, 7], np.int16), np.array([-9.6, 0.6])).tolist() == [-15, 8]
+    assert add_change(np.array([True, False]), np.array([-0.6, 0.4])).tolist() == [False, False]
+    assert add_change(np.array([0.9]), np.array([0.4])).tolist() == [1.3]
 
 
 def test_light_is_told_from_what_moves():
@@ -89,7 +89,7 @@ def test_light_is_told_from_what_moves():
     a = np.broadcast_to(0.3 + 0.2 * rng.random((30, 40, 3)), (4, 30, 40, 3)).copy()
     b = a - 0.04
     b[:, 8:20, 10:20] = 0.9  # something that came in
-    one, other = without_light(a, b, None)
+    one, other = remove_light_difference(a, b, None)
     apart = (one - other).mean(axis=(0, 3))
     moving = np.zeros(apart.shape, bool)
     moving[8:20, 10:20] = True

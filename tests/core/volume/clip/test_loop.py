@@ -7,8 +7,8 @@ from scipy import ndimage
 import toposeam as ts
 from toposeam.volume.clip import Jump, LoopVerdict, closed_walk
 from toposeam.volume.clip import walk as walks
-from toposeam.volume.clip.period import changes, small_frames, small_mask
-from toposeam.volume.clip.walk import length
+from toposeam.volume.clip.period import jump_costs, small_frames, small_mask
+from toposeam.volume.clip.walk import walk_length
 
 
 def turning(frames, period, size=24):
@@ -200,7 +200,7 @@ def test_the_least_change_is_found_pixel_by_pixel():
     small = np.random.default_rng(0).random((12, 2, 3, 1)).astype(np.float32)
     lag, transition = 4, 3
     apart = np.abs(small[lag:] - small[:-lag])[..., 0]
-    for t, score in enumerate(changes(small, lag, transition, np.ones((2, 3), bool))):
+    for t, score in enumerate(jump_costs(small, lag, transition, np.ones((2, 3), bool))):
         pairs = [apart[t + k] + apart[t + k + 1] for k in range(transition - 1)]
         assert score == pytest.approx(np.min(pairs, axis=0).mean(), rel=1e-5)
     assert t == 12 - lag - transition
@@ -210,7 +210,7 @@ def test_a_walk_closes_and_never_runs_out_of_the_clip():
     jumps = [Jump(30, 4, 1.0), Jump(12, 25, 1.1), Jump(38, 10, 1.3), Jump(20, 2, 9.0)]
     for seed in range(20):
         walk = closed_walk(jumps, 4, 200, np.random.default_rng(seed))
-        assert length(walk) >= 200
+        assert walk_length(walk) >= 200
         assert Jump(20, 2, 9.0) not in walk
         for jump, after in zip(walk, [*walk[1:], walk[0]], strict=True):
             assert after.leaves >= jump.enters + 4
@@ -290,13 +290,13 @@ def test_a_walk_takes_jumps_up_to_twice_as_dear_in_turn():
     counts = [walk.count(jump) for jump in jumps]
     assert counts[3:] == [0, 0]  # too dear; from 27 on there is no way back
     assert max(counts) - min(counts[:3]) <= 3
-    assert 1500 <= length(walk) < 1550
+    assert 1500 <= walk_length(walk) < 1550
 
 
 def test_a_long_walk_is_counted_on_as_it_is_walked(monkeypatch):
-    monkeypatch.setattr(walks, "length", None)
+    monkeypatch.setattr(walks, "walk_length", None)
     walk = closed_walk([Jump(20, 0, 1.0), Jump(30, 4, 1.2)], 4, 5000, np.random.default_rng(0))
-    assert 5000 <= length(walk) < 5100
+    assert 5000 <= walk_length(walk) < 5100
 
 
 def test_a_loop_grown_beyond_memory_is_refused():

@@ -71,6 +71,8 @@ class PrimalDual:
         ψ; between steps it may lie a little outside [0, 1].
     jump, flow : (E,) float64 arrays
         d and f, counted from tail to head.
+    bound : float
+        The size of the flow: no seam costs less.
     """
 
     def __init__(self, network: Network, cost: Floats) -> None:
@@ -96,6 +98,7 @@ class PrimalDual:
         flow = conductance * self.jump
         fullest = float((np.abs(flow) / self.cost).max())
         self.flow = flow * (_FILLED / fullest if fullest > 0 else 0.0)
+        self.bound = self._flow_size()
         self._split(
             _SPREAD * float(self.cost @ np.abs(self.jump)) / len(cost) / self.cost + np.finfo(float).tiny
         )
@@ -108,9 +111,7 @@ class PrimalDual:
         jump: Floats = potential.take(self.network.head) - potential.take(self.network.tail)
         return jump
 
-    @property
-    def bound(self) -> float:
-        """The size of the flow: no seam costs less."""
+    def _flow_size(self) -> float:
         return float(self.flow.take(self._hot) @ self._into)
 
     def best_cut(self) -> tuple[float, float]:
@@ -194,6 +195,7 @@ class PrimalDual:
         self._up, self._down = up + primal * more_up, down + primal * more_down
         self.jump = self._jumps(self.potential)
         self.flow = flow + dual * more
+        self.bound = self._flow_size()
 
 
 def _share(fastest: float) -> float:

@@ -17,9 +17,7 @@ import numpy as np
 from toposeam.arrays import Mask
 from toposeam.heat.threads import one_thread
 from toposeam.seam.exact.optimum import cut_by_flow, exact_labels
-from toposeam.seam.heat.method import HeatOptions, heat_path
-from toposeam.seam.problem.seam_problem import SeamProblem
-from toposeam.seam.problem.solution import Solution
+from toposeam.seam.problem.seam_problem import SeamProblem, Solution
 
 #: Up to this many free pixels that no path divides are cut by maximum flow.
 FLOW_PIXELS = 30_000
@@ -58,6 +56,8 @@ def best_path(problem: SeamProblem, progress: Callable[[float], None] | None = N
     try:
         labels = exact_labels(problem, flow=flow, whole=PATH_CORNERS)
     except _TooLargeError:
+        from toposeam.seam.heat.method import HeatOptions, heat_path
+
         with one_thread():
             return heat_path(problem, HeatOptions(), progress=progress)
     if progress is not None:

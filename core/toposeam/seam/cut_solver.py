@@ -12,7 +12,6 @@ import numpy as np
 from toposeam.arrays import Floats, Mask
 from toposeam.heat.network import Network
 from toposeam.seam.automatic import FLOW_PIXELS
-from toposeam.seam.exact.graph_cut import least_cut
 from toposeam.seam.exact.maximum_flow import minimum_cut
 from toposeam.seam.find import Method, method_options
 from toposeam.seam.heat.method import HeatOptions
@@ -58,8 +57,11 @@ class CutSolver:
         """(n,) bool: the nodes on the hot side of the cheapest cut."""
         if self.method == "heat" or (self.method == "auto" and network.n > FLOW_PIXELS):
             return self.heat(network, cost).hot[:-2]
-        cut = least_cut if self.method == "graph-cut" else minimum_cut
-        return cut(network, self._bounded(cost))
+        if self.method == "graph-cut":
+            from toposeam.seam.exact.graph_cut import least_cut
+
+            return least_cut(network, self._bounded(cost))
+        return minimum_cut(network, self._bounded(cost))
 
     def heat(self, network: Network, cost: Floats) -> Heat:
         """The heat of a network gathered along its cheapest cut."""

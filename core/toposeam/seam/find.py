@@ -5,7 +5,9 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Callable, Mapping
-from typing import Any, Literal, Unpack, get_args
+from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Literal, Unpack, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -14,40 +16,46 @@ from toposeam.arrays import Mask
 from toposeam.checks import check_choice, check_function, options_from
 from toposeam.errors import MissingPackageError, OptionError, Term
 from toposeam.heat.threads import one_thread
-from toposeam.seam.automatic import best_path
-from toposeam.seam.dynamic_programming import dp_labels
-from toposeam.seam.exact.graph_cut import graph_cut_labels, least_cut
-from toposeam.seam.exact.optimum import exact_labels, labels_of_nodes
-from toposeam.seam.heat.method import HeatOptions, heat_path
-from toposeam.seam.keywords import SeamKeywords
 from toposeam.seam.problem.match_cost import Law, MatchCost
 from toposeam.seam.problem.overlap import Side
 from toposeam.seam.problem.posing import pose
-from toposeam.seam.problem.seam_problem import SeamProblem
-from toposeam.seam.problem.solution import Solution
+from toposeam.seam.problem.seam_problem import SeamProblem, Solution
 from toposeam.seam.result.seam import Seam, seam_of
-from toposeam.seam.thesis.options import ThesisOptions
+
+if TYPE_CHECKING:
+    from toposeam.seam.heat.method import HeatOptions
+    from toposeam.seam.keywords import SeamKeywords
+    from toposeam.seam.thesis.options import ThesisOptions
 
 Method = Literal["auto", "heat", "thesis", "shortest-path", "dp", "graph-cut"]
 METHODS: tuple[Method, ...] = get_args(Method)
 
 
-def _thesis_path(*args: Any, **keywords: Any) -> Solution:
-    from toposeam.seam.thesis.method import thesis_path  # which few ask for, and loads MMA
+@dataclass(frozen=True, slots=True)
+class _Engine:
+    """The place of a method's code. Its modules are imported when the method is first asked for."""
 
-    return thesis_path(*args, **keywords)
+    #: A module of `toposeam.seam`, and the function in it that solves a `SeamProblem`.
+    module: str
+    function: str
+    #: Module and name of the class of its options; None for a direct method, whose function returns labels.
+    options: tuple[str, str] | None = None
+    #: Whether its labelling is the one of least cost.
+    exact: bool = False
 
 
-_DIRECT: dict[str, Callable[[SeamProblem], Mask]] = {
-    "shortest-path": exact_labels,
-    "dp": dp_labels,
-    "graph-cut": graph_cut_labels,
+#: The engine of every method but "auto", which chooses one of them (:mod:`toposeam.seam.automatic`).
+_ENGINES = {
+    "heat": _Engine("heat.method", "heat_path", ("heat.method", "HeatOptions")),
+    "thesis": _Engine("thesis.method", "thesis_path", ("thesis.options", "ThesisOptions")),
+    "shortest-path": _Engine("exact.optimum", "exact_labels", exact=True),
+    "dp": _Engine("dynamic_programming", "dp_labels"),
+    "graph-cut": _Engine("exact.graph_cut", "graph_cut_labels", exact=True),
 }
-_EXACT = ("shortest-path", "graph-cut")
-_ITERATIVE: dict[str, tuple[type[HeatOptions] | type[ThesisOptions], Callable[..., Solution]]] = {
-    "heat": (HeatOptions, heat_path),
-    "thesis": (ThesisOptions, _thesis_path),
-}
+
+
+def _loaded(module: str, name: str) -> Any:
+    return getattr(import_module(f"toposeam.seam.{module}"), name)
 
 
 def find_seam(
@@ -191,6 +199,8 @@ def least_cost(problem: SeamProblem, known: float) -> float:
     Capacities of maximum flows are rounded (:func:`toposeam.seam.exact.maximum_flow.minimum_cut`);
     PyMaxflow's are not.
     """
+    from toposeam.seam.exact.graph_cut import least_cut
+    from toposeam.seam.exact.optimum import exact_labels, labels_of_nodes
 
     def flow(problem: SeamProblem, pixels: Mask) -> Mask:
         network, weight, index = problem.grid.network(pixels)
@@ -222,7 +232,8 @@ def method_options(
         For an unknown method or options it does not have.
     """
     check_choice("method", method, METHODS)
-    if method not in _ITERATIVE:
+    engine = _ENGINES.get(method)
+    if engine is None or engine.options is None:
         unwanted = sorted(given) + ([] if options is None else ["options"])
         if unwanted:
             raise OptionError(
@@ -233,7 +244,8 @@ def method_options(
                 names=tuple(map(Term, unwanted)),
             )
         return None
-    return options_from(_ITERATIVE[method][0], options, dict(given), f"method {method}")
+    kind: type[HeatOptions | ThesisOptions] = _loaded(*engine.options)
+    return options_from(kind, options, dict(given), f"method {method}")
 
 
 def solve(
@@ -244,12 +256,27 @@ def solve(
     record_frames: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> Solution:
-    """The labels a method finds for a problem."""
+    """Solve a problem by a method.
+
+    Parameters
+    ----------
+    problem : SeamProblem
+    method : str
+    options : HeatOptions or ThesisOptions or None
+        As :func:`method_options` returns them for the method.
+    record_frames, progress
+        As for :func:`find_seam`; direct methods have no use for them.
+    """
     if method == "auto":
+        from toposeam.seam.automatic import best_path
+
         return best_path(problem, progress)
-    if method in _ITERATIVE:
+    engine = _ENGINES[method]
+    run = _loaded(engine.module, engine.function)
+    if engine.options is not None:
         with one_thread():
-            return _ITERATIVE[method][1](problem, options, record_frames=record_frames, progress=progress)
-    labels = _DIRECT[method](problem)
-    bound = problem.total(labels) if method in _EXACT else 0.0
+            found: Solution = run(problem, options, record_frames=record_frames, progress=progress)
+        return found
+    labels: Mask = run(problem)
+    bound = problem.total(labels) if engine.exact else 0.0
     return Solution(labels=labels, soft=labels.astype(np.float32), bound=bound)

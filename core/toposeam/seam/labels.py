@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import numpy.typing as npt
 
@@ -9,19 +11,19 @@ from toposeam.arrays import Mask
 from toposeam.seam.automatic import FLOW_PIXELS
 from toposeam.seam.exact.optimum import cut_by_flow
 from toposeam.seam.find import Method, method_options, solve
-from toposeam.seam.heat.method import HeatOptions
 from toposeam.seam.problem.match_cost import MatchCost, match_cost, match_options
 from toposeam.seam.problem.overlap import FREE, between_masks
 from toposeam.seam.problem.seam_problem import SeamProblem
-from toposeam.seam.thesis.options import ThesisOptions
+
+if TYPE_CHECKING:
+    from toposeam.seam.heat.method import HeatOptions
+    from toposeam.seam.thesis.options import ThesisOptions
 
 #: Methods whose seam is the best one, by whichever engine.
 BEST: tuple[Method, ...] = ("auto", "shortest-path")
 
-MethodOptions = HeatOptions | ThesisOptions | None
 
-
-def decided_by(problem: SeamProblem, method: Method, options: MethodOptions) -> Mask:
+def decided_by(problem: SeamProblem, method: Method, options: HeatOptions | ThesisOptions | None) -> Mask:
     """The labels that a method finds; on small overlaps the best ones where the method looks for these.
 
     Parameters

@@ -20,7 +20,6 @@ from scipy.sparse.csgraph import connected_components
 
 from toposeam.arrays import AnyInts, Floats32, Mask
 from toposeam.seam.exact.corner_graph import cheapest_path
-from toposeam.seam.exact.maximum_flow import minimum_cut
 from toposeam.seam.problem.overlap import FREE, NONE, TOUCHING, A, B
 from toposeam.seam.problem.seam_problem import SeamProblem, geometry
 
@@ -258,6 +257,8 @@ def cut_by_flow(problem: SeamProblem, pixels: Mask) -> Mask:
     """Labels of some free pixels, (h, w) bool, by maximum flow between the two sides; costs are rounded
     (:func:`toposeam.seam.exact.maximum_flow.minimum_cut`).
     """
+    from toposeam.seam.exact.maximum_flow import minimum_cut
+
     network, weight, index = problem.grid.network(pixels)
     if not len(weight):  # nothing is known of them: all is as good
         return np.zeros(pixels.shape, bool)

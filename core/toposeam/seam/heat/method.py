@@ -40,8 +40,7 @@ from toposeam.seam.heat.coarsening import WHOLE_NODES, restrict
 from toposeam.seam.heat.newton import SOFT, gather_heat
 from toposeam.seam.problem.grid import grown
 from toposeam.seam.problem.overlap import FREE, NONE
-from toposeam.seam.problem.seam_problem import SeamProblem
-from toposeam.seam.problem.solution import Solution
+from toposeam.seam.problem.seam_problem import SeamProblem, Solution
 
 #: In large overlaps ``soft`` is sought within so many cells (of 8 px) of the seam, in steps at most.
 _SOFT_CELLS, _SOFT_STEPS = 4, 20

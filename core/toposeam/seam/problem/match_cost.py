@@ -33,7 +33,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from math import prod
 from typing import Any, Literal, get_args
 
@@ -43,7 +43,7 @@ from toposeam.arrays import Floats32, Mask
 from toposeam.checks import check_choice, check_range
 from toposeam.errors import OptionError, Term
 from toposeam.seam.problem.natural import LOOK, MOST, perceived
-from toposeam.seam.problem.overlap import FREE, KEPT_PIXELS, KEPT_SHAPES, NONE, Overlap
+from toposeam.seam.problem.overlap import FREE, KEPT_PIXELS, KEPT_SHAPES, NONE, Overlap, pairs_along
 
 Law = Literal["natural", "gradient", "colour"]
 LAWS: tuple[Law, ...] = get_args(Law)
@@ -97,7 +97,9 @@ class MatchCost:
         return LOOK if self.law == "natural" else 1
 
 
-_USUAL = {law: MatchCost(law=law) for law in LAWS}
+@cache
+def _of_law(law: Law) -> MatchCost:
+    return MatchCost(law=law)
 
 
 def match_options(gradient: bool | None, cost: MatchCost | None, usual: Law = "natural") -> MatchCost:
@@ -128,9 +130,9 @@ def match_options(gradient: bool | None, cost: MatchCost | None, usual: Law = "n
                 "{gradient} and {cost} are both given; write MatchCost(law=…) and leave {gradient} out",
                 kind="conflict",
             )
-        return _USUAL["gradient" if gradient else "colour"]
+        return _of_law("gradient" if gradient else "colour")
     if cost is None:
-        return _USUAL[usual]
+        return _of_law(usual)
     if not isinstance(cost, MatchCost):
         raise OptionError(
             "{parameter} is of class {type}; pass a MatchCost",
@@ -274,7 +276,7 @@ def _along(
     weight: Floats32 | None,
 ) -> Floats32:
     """Add up the values of the two pixels of each interface across an axis, and divide by their steepness."""
-    s, t = _pair(axis)
+    s, t = pairs_along(axis)
     beside = None
     if narrow is not None:
         free, bare = narrow
@@ -321,11 +323,6 @@ def _both(
     return total
 
 
-def _pair(axis: int) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
-    before = (slice(None),) * axis
-    return (*before, slice(None, -1)), (*before, slice(1, None))
-
-
 def _distance(a: Floats32, b: Floats32) -> Floats32:
     """|a - b| over the channels, which come first."""
     total: Floats32 = a[0] - b[0]
@@ -356,7 +353,7 @@ def _steps(present: Mask | None, axes: tuple[int, ...]) -> Sequence[Steps | None
 
 
 def _steps_of(present: Mask, axis: int) -> Steps:
-    s, t = _pair(axis)
+    s, t = pairs_along(axis)
     known = np.zeros(present.shape, np.float32)
     known[s] = present[s] & present[t]
     return known

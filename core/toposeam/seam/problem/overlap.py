@@ -217,13 +217,19 @@ def _between_masks(mask_a: Mask, mask_b: Mask, core: float, speck: float | None)
     return overlap
 
 
+def pairs_along(axis: int) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
+    """Return the indices of all pixels that have a next one along an axis, and of these next ones."""
+    before = (slice(None),) * axis
+    return (*before, slice(None, -1)), (*before, slice(1, None))
+
+
 def neighbours(mask: Mask) -> Mask:
-    """Pixels with a 4-neighbour, voxels with a 6-neighbour in the mask."""
+    """Return the pixels with a 4-neighbour, or the voxels with a 6-neighbour, in the mask."""
     result = np.zeros_like(mask)
     for axis in range(mask.ndim):
-        before = (slice(None),) * axis
-        result[(*before, slice(1, None))] |= mask[(*before, slice(None, -1))]
-        result[(*before, slice(None, -1))] |= mask[(*before, slice(1, None))]
+        s, t = pairs_along(axis)
+        result[t] |= mask[s]
+        result[s] |= mask[t]
     return result
 
 

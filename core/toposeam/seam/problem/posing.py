@@ -14,11 +14,10 @@ import numpy.typing as npt
 from toposeam.arrays import Floats32, Image, Mask
 from toposeam.checks import check_choice
 from toposeam.errors import ImageError, OptionError, Term
-from toposeam.heat.bricks import HIGH, LOW, along
 from toposeam.images import as_array, as_float, as_mask, check_shape, unit_of, widen
 from toposeam.seam.problem.blend_reach import STEP, Reach, any_by_steps, within_reach
 from toposeam.seam.problem.match_cost import Law, MatchCost, match_cost, match_options
-from toposeam.seam.problem.overlap import SIDES, Overlap, Side, between_masks, side_by_side
+from toposeam.seam.problem.overlap import SIDES, Overlap, Side, between_masks, pairs_along, side_by_side
 from toposeam.seam.problem.seam_problem import M_MAX, SeamProblem
 
 #: The match cost is computed from blocks of about so many pixels.
@@ -173,7 +172,8 @@ def forbid(costs: Sequence[Floats32], avoid: Mask, forbidden: float | None = Non
     if forbidden is None:
         forbidden = float(np.float32(M_MAX * max(1.0, *(float(values.max(initial=0)) for values in costs))))
     for axis, values in enumerate(costs):
-        values[(values > 0) & (avoid[along(axis, LOW)] | avoid[along(axis, HIGH)])] = forbidden
+        s, t = pairs_along(axis)
+        values[(values > 0) & (avoid[s] | avoid[t])] = forbidden
     return forbidden
 
 

@@ -29,6 +29,7 @@ import numpy.typing as npt
 from toposeam.arrays import Floats32, Indices, Mask
 from toposeam.errors import OverlapError
 from toposeam.heat.network import Network
+from toposeam.optimize.history import Frame, Iteration, Termination
 from toposeam.seam.problem.grid import CutGrid, grid_from_sides
 from toposeam.seam.problem.overlap import FREE, KEPT_PIXELS, KEPT_SHAPES, NONE, A, B, Overlap, neighbours
 
@@ -307,3 +308,22 @@ class SeamProblem:
         narrow = (side == FREE) & neighbours((side == A) & ~shared) & neighbours((side == B) & ~shared)
         ground: Mask = shared | (neighbours(narrow) & (side != NONE))
         return ground
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Solution:
+    """The labels that a seam method found on the overlap's window, and how it found them."""
+
+    #: (h, w) bool, True where ``b`` shows.
+    labels: Mask
+    #: (h, w) float32 in [0, 1], the label potential before the seam was decided.
+    soft: npt.NDArray[np.float32]
+    #: Whether only a part of the overlap was heated, so that `soft` is not the potential of the whole.
+    contracted: bool = False
+    #: The engine that ran; empty where it is the method that was asked for.
+    method: str = ""
+    history: tuple[Iteration, ...] = ()
+    frames: tuple[Frame, ...] = ()
+    termination: Termination = Termination.DIRECT
+    #: A lower bound on the cost of every labelling; 0 where nothing is proven.
+    bound: float = 0.0

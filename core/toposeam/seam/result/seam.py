@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -17,18 +17,16 @@ from toposeam.checks import check_number
 from toposeam.errors import OptionError, PathError, Term
 from toposeam.optimize.history import Frame, Iteration, Termination
 from toposeam.saving import save
-from toposeam.seam.exact.optimum import exact_labels
-from toposeam.seam.heat.method import potential_beside
 from toposeam.seam.problem.match_cost import MatchCost
 from toposeam.seam.problem.overlap import Side
 from toposeam.seam.problem.posing import pose
-from toposeam.seam.problem.seam_problem import SeamProblem
-from toposeam.seam.problem.solution import Solution
-from toposeam.seam.result.apply import labels_from_paths
+from toposeam.seam.problem.seam_problem import SeamProblem, Solution
 from toposeam.seam.result.verdict import Verdict, verdict_of
 from toposeam.sentence import counted
 from toposeam.vector.polyline import Polyline, trace_boundary
-from toposeam.vector.svg import SvgSeam, read_svg, write_svg
+
+if TYPE_CHECKING:
+    from toposeam.vector.svg import SvgSeam
 
 #: A seam for people to bend may lie so far from the one that was found, px: less than a pixel, so that the
 #: stairs of pixel corners become lines.
@@ -120,6 +118,8 @@ class Seam:
     @cached_property
     def _window_potential(self) -> npt.NDArray[np.float32]:
         if self._potential is None:
+            from toposeam.seam.heat.method import potential_beside
+
             return potential_beside(self.problem, self._shown)
         return self._potential
 
@@ -133,6 +133,8 @@ class Seam:
 
     @cached_property
     def _optimum(self) -> float:
+        from toposeam.seam.exact.optimum import exact_labels
+
         found = self.problem.total(self._shown)  # capacities of SciPy's maximum flow are rounded
         return min(found, self.problem.total(exact_labels(self.problem)))
 
@@ -210,6 +212,8 @@ class Seam:
         -------
         str
         """
+        from toposeam.vector.svg import write_svg
+
         height, width = self.problem.overlap.canvas
         text = write_svg(
             self.paths, width, height, {**self.settings, "method": self.method, "cost": self.cost}
@@ -234,6 +238,8 @@ class Seam:
             When the document cannot be read, belongs to another canvas size, or its paths do not separate the
             patches.
         """
+        from toposeam.vector.svg import read_svg
+
         return apply_paths(read_svg(source), a, b, **options)
 
 
@@ -287,6 +293,9 @@ def apply_paths(
            [0, 0, 0, 1, 1, 1],
            [0, 0, 0, 1, 1, 1]])
     """
+    from toposeam.seam.result.apply import labels_from_paths
+    from toposeam.vector.svg import SvgSeam
+
     if not isinstance(drawing, SvgSeam):
         raise OptionError(
             "{parameter} is of class {type}; pass {allowed}",

@@ -48,8 +48,7 @@ from toposeam.errors import SolverError
 from toposeam.optimize.history import Frame, Iteration, Termination
 from toposeam.optimize.mma import MMA, MMAOptions
 from toposeam.optimize.oc import OCOptions, oc_step
-from toposeam.seam.problem.seam_problem import SeamProblem
-from toposeam.seam.problem.solution import Solution
+from toposeam.seam.problem.seam_problem import SeamProblem, Solution
 from toposeam.seam.thesis.ground_structure import (
     OUTERMOST,
     CornerNetwork,

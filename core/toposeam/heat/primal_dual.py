@@ -36,18 +36,18 @@ from toposeam.arrays import Floats
 from toposeam.errors import SolverError
 from toposeam.heat.network import Network
 
-#: Share of the way to the boundary that a step goes.
-_REACH = 0.99
-#: Share of the capacity that the first flow fills.
-_FILLED = 0.95
-#: μ of the first state, in shares of the mean of M |d|.
-_SPREAD = 0.25
-#: The first network conducts at most this many times as well as its median element.
-_DEAREST = 1e3
-#: An element counts as costing at least this share of a known seam, and at most so many times as much:
-#: conductances span the square of what costs do. At more than the seam itself, for were all elements of a
-#: chain to count alike, no potential would tell which of them is the cheapest.
-_LEAST, _MOST = 1e-7, 2.0
+#: Longest step, as a share of the way to the boundary of the feasible set.
+_LONGEST_STEP = 0.99
+#: Largest share of a capacity that the first flow fills.
+_FIRST_FILLING = 0.95
+#: μ of the first state, as a share of the mean of M |d|.
+_FIRST_MU = 0.25
+#: Largest conductance of the first network, as a multiple of the median cost.
+_FIRST_CONDUCTANCE = 1e3
+#: Bounds of an element's cost, as multiples of the cost of a known seam: conductances span the square of the
+#: range of costs. The upper one exceeds the seam itself, for if all elements of a chain cost the same, no
+#: potential would tell which of them is the cheapest.
+_LEAST_COST, _MOST_COST = 1e-7, 2.0
 #: Thresholds at which the potential is cut.
 _THRESHOLDS = 64
 
@@ -80,10 +80,12 @@ class PrimalDual:
         hot = network.terminal_elements[1]
         self._hot, self._into = hot, np.where(network.head[hot] == network.n + 1, 1.0, -1.0)
         self.cost = self._given = cost
-        # Where no seam will run the network need not conduct beyond what double precision can tell from the
-        # rest. An element that costs more than a known seam is in no better one, and next to nothing is as
-        # good as nothing.
-        limit = _DEAREST * float(np.median(cost)) if cost.max() > _DEAREST * cost.mean() else np.inf
+        # Beside very large conductances double precision would lose the others, and where no seam will run
+        # they are not needed: an element that costs more than a known seam is in no better one. Nor does it
+        # matter how much less than the seam a very cheap element costs.
+        limit = np.inf
+        if cost.max() > _FIRST_CONDUCTANCE * cost.mean():
+            limit = _FIRST_CONDUCTANCE * float(np.median(cost))
         while True:
             conductance = np.minimum(cost, limit)
             self.potential = network.solve(conductance)
@@ -92,19 +94,19 @@ class PrimalDual:
                 break
             limit = known
         if known > 0:
-            self.cost = np.clip(cost, _LEAST * known, _MOST * known)
+            self.cost = np.clip(cost, _LEAST_COST * known, _MOST_COST * known)
         self.jump = self._jumps(self.potential)
         # Heat flow through these conductances is k d; scaled it fits the capacities.
         flow = conductance * self.jump
         fullest = float((np.abs(flow) / self.cost).max())
-        self.flow = flow * (_FILLED / fullest if fullest > 0 else 0.0)
+        self.flow = flow * (_FIRST_FILLING / fullest if fullest > 0 else 0.0)
         self.bound = self._flow_size()
         self._split(
-            _SPREAD * float(self.cost @ np.abs(self.jump)) / len(cost) / self.cost + np.finfo(float).tiny
+            _FIRST_MU * float(self.cost @ np.abs(self.jump)) / len(cost) / self.cost + np.finfo(float).tiny
         )
 
     def _split(self, least: Floats) -> None:
-        """Set u and v: their difference is the jump, the smaller one is given."""
+        """Set u and v, whose difference is the jump, and the smaller of which is given."""
         self._up, self._down = np.maximum(self.jump, 0.0) + least, np.maximum(-self.jump, 0.0) + least
 
     def _jumps(self, potential: Floats) -> Floats:
@@ -115,8 +117,9 @@ class PrimalDual:
         return float(self.flow.take(self._hot) @ self._into)
 
     def best_cut(self) -> tuple[float, float]:
-        """The cheapest cut of the potential: its cost, and the threshold above which nodes are hot; of
-        equals, the middle one.
+        """Find the cheapest cut of the potential: its cost, and the threshold above which nodes are hot.
+
+        Of equally cheap cuts the one nearest to the middle is taken.
         """
         scaled = np.minimum(np.maximum(self.potential, 0.0), 1.0)  # np.clip takes longer on small networks
         scaled *= _THRESHOLDS
@@ -133,7 +136,7 @@ class PrimalDual:
 
     @np.errstate(divide="ignore", invalid="ignore", over="ignore")  # what is not finite is refused below
     def step(self) -> None:
-        """One Newton step.
+        """Take one Newton step.
 
         Two free nodes that are joined to each other (cost 1), to the cold terminal (1 and 5) and to the hot
         one (5 and 1.5). Of the four cuts, 1 + 1 + 1.5 = 3.5 is the best: the first node hot, the second cold.
@@ -159,14 +162,14 @@ class PrimalDual:
         left_up, left_down = self.cost - flow, self.cost + flow
         conductance = 1.0 / (up / left_up + down / left_down)
         solve = self.network.factor(conductance)
-        # Predictor: straight at μ = 0. x and y are the changes of f relative to the room that is left either
-        # way.
+        # Predictor: straight at μ = 0. x and y are the changes of f relative to the capacity that is left in
+        # either direction.
         change = np.zeros(len(self.potential))
         change[:-2] = solve(self.network.surplus(-conductance * jump - flow))
         more = (self._jumps(change) + jump) * conductance
         x, y = more / left_up, more / left_down
         slow, fast = min(float(x.min()), -float(y.max())), max(float(x.max()), -float(y.min()))
-        primal, dual = _share(1.0 - slow), _share(fast)
+        primal, dual = _step_length(1.0 - slow), _step_length(fast)
         product_up, product_down = up * left_up, down * left_down
         gap = float(product_up.sum() + product_down.sum())
         linear = float(product_up @ x - product_down @ y)
@@ -183,10 +186,10 @@ class PrimalDual:
         more = (self._jumps(change) - wanted) * conductance
         x, y = more / left_up, more / left_down
         more_up, more_down = toward_up + up * (x - 1.0), toward_down - down * (y + 1.0)
-        primal = _share(-min(float((more_up / up).min()), float((more_down / down).min())))
+        primal = _step_length(-min(float((more_up / up).min()), float((more_down / down).min())))
         fastest = max(float(x.max()), -float(y.min()))
-        dual = _share(fastest)
-        # Whatever is not finite is so in x and y, too.
+        dual = _step_length(fastest)
+        # Where a value is not finite, x or y is not, either.
         if not isfinite(fastest) and not (np.isfinite(change).all() and np.isfinite(more).all()):
             raise SolverError(
                 "the heat network cannot be solved: its conductances are too far apart", kind="unsolved"
@@ -198,6 +201,6 @@ class PrimalDual:
         self.bound = self._flow_size()
 
 
-def _share(fastest: float) -> float:
-    """How far a step may go, at most 1, when what must stay positive falls by up to this share."""
-    return 1.0 if fastest <= _REACH else _REACH / fastest
+def _step_length(fastest: float) -> float:
+    """Compute the length of a step, at most 1, when positive variables fall by up to the share `fastest`."""
+    return 1.0 if fastest <= _LONGEST_STEP else _LONGEST_STEP / fastest

@@ -110,17 +110,17 @@ def find_seam(
         show: 1 is all of it but its border, where the seam must run, and 0.05 hardly more than its middle
         (:mod:`toposeam.seam.problem.overlap`).
     speck : float, optional
-        A piece inside the other that cannot show so many connected pixels need not show at all, unless the
-        patch has hardly anything else; by default 64, or 0.05 % of the patch's own if that is more. 0 lets
-        every piece show.
+        Least number of connected pixels that a piece inside the other patch must be able to show; a smaller
+        one need not show at all, unless the patch has hardly anything else. By default 64, or 0.05 % of the
+        patch's own pixels if that is more. 0 lets every piece show.
     data_range : float, optional
         The value that counts as white, for integers other than uint8 and uint16 and for floats beyond [0, 1].
     options : HeatOptions or ThesisOptions, optional
-        How the method goes about it; its fields may be given as plain keywords instead. With `auto`, options
-        are those of `heat`, and choose it.
+        Options of the method; their fields may be given as plain keywords instead. With `auto` they are
+        those of `heat`, and choose it.
     prove : bool
-        Also find out what the best seam costs, by shortest path where the seam is one, else by maximum flow
-        (PyMaxflow's where it is installed), and say so in ``Seam.bound``. The seam stays the method's.
+        Also compute the cost of the best seam as ``Seam.bound``: by shortest path where the seam is one, else
+        by maximum flow (PyMaxflow's where it is installed). The seam stays the method's.
     record_frames : bool
         Keep the densities of every iteration in ``Seam.frames``. With `auto` that chooses `heat`.
     progress : callable, optional
@@ -177,7 +177,7 @@ def find_seam(
 
 
 def method_for(method: Method, *, heats: bool) -> Method:
-    """The method to take: `auto` is `heat` where something is asked for that only heat gives.
+    """Return the method to run: `auto` becomes `heat` where the call asks for what only heat provides.
 
     Raises
     ------
@@ -189,12 +189,12 @@ def method_for(method: Method, *, heats: bool) -> Method:
 
 
 def usual_law(method: Method) -> Law:
-    """The law of the match cost that a method minimises unless another one is asked for."""
+    """Return the law of the match cost that a method minimises by default."""
     return "gradient" if method == "thesis" else "natural"
 
 
 def least_cost(problem: SeamProblem, known: float) -> float:
-    """What the best labelling costs, where one of some cost is known.
+    """Compute the cost of the best labelling, given the cost of a known one.
 
     Capacities of maximum flows are rounded (:func:`toposeam.seam.exact.maximum_flow.minimum_cut`);
     PyMaxflow's are not.
@@ -216,7 +216,7 @@ def least_cost(problem: SeamProblem, known: float) -> float:
 def method_options(
     method: Method, given: Mapping[str, Any], options: HeatOptions | ThesisOptions | None = None
 ) -> HeatOptions | ThesisOptions | None:
-    """The checked options of a method, None for a direct one, or for `auto`.
+    """Return the checked options of a method; None for `auto` and for direct methods, which take none.
 
     Parameters
     ----------

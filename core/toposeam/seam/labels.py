@@ -1,4 +1,4 @@
-"""Which of two patches shows where, and nothing else: for textures, which cut hundreds of small patches."""
+"""The labels of a seam and nothing else: for textures, which cut hundreds of small patches."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     from toposeam.seam.heat.method import HeatOptions
     from toposeam.seam.thesis.options import ThesisOptions
 
-#: Methods whose seam is the best one, by whichever engine.
+#: Methods that look for the seam of least cost.
 BEST: tuple[Method, ...] = ("auto", "shortest-path")
 
 
 def decided_by(problem: SeamProblem, method: Method, options: HeatOptions | ThesisOptions | None) -> Mask:
-    """The labels that a method finds; on small overlaps the best ones where the method looks for these.
+    """Label a problem by a method; where it looks for the best seam of a small overlap, by maximum flow.
 
     Parameters
     ----------
@@ -48,8 +48,7 @@ def seam_labels(
     *,
     closed: bool = False,
 ) -> Mask:
-    """What :func:`toposeam.find_seam` labels ``b`` when no piece is too small (``speck=0``), found sooner on
-    small overlaps.
+    """Find the labels of :func:`toposeam.find_seam` with ``speck=0``, faster on small overlaps.
 
     Parameters
     ----------

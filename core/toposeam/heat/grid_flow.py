@@ -1,6 +1,6 @@
 r"""Heat that travels through a grid of conductors with limited capacity: cheapest cuts in any dimension.
 
-Voxels of a grid are nodes, held at 0 (cold), held at 1 (hot) or free; the conductor between two neighbours
+Voxels of a grid are nodes, fixed at 0 (cold), fixed at 1 (hot) or free; the conductor between two neighbours
 carries at most M, the cost of dividing them. Heat that needs time to set itself in motion (Cattaneo 1958)
 follows the temperature differences: its flow grows with them until the conductor is full, and what arrives
 at a voxel and does not leave it changes its temperature:
@@ -66,7 +66,7 @@ class GridFlow:
         M along each axis: ``cost[k]`` is one shorter than the grid along axis k, and belongs to the voxels
         on either side. 0 where nothing joins them.
     fixed, hot : bool arrays of the grid's shape
-        Voxels held at a temperature, and which of those at 1.
+        Voxels with a fixed temperature, and those of them at 1.
     potential : float32 array of the grid's shape, optional
         Where to start from, in [0, 1].
     filled : sequence of float32 arrays, optional

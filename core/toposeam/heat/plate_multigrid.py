@@ -13,7 +13,7 @@ only where the border is free; elsewhere coarsening ends there.
                          33
 
 *Smoothing.* Two damped Jacobi sweeps before and two after, with the dampings of the Chebyshev polynomial of
-degree two. The largest eigenvalue of D⁻¹K is at most that of an element, 3/2 for a square, whatever the
+degree two. The largest eigenvalue of D⁻¹K is at most that of an element, 3/2 for a square, at any
 contrast. Sweeps run in single precision, the conjugate gradients around them in double.
 """
 
@@ -118,7 +118,7 @@ class Stencil:
             flat = values.ravel()
             data[1 + 2 * row] = flat
             data[2 + 2 * row, offset:] = flat[: n - offset]
-        flat = rising.ravel()  # held at the upper left corner of its element: joins node + 1 to node + w
+        flat = rising.ravel()  # stored at the upper left corner of its element: joins node + 1 to node + w
         data[7, 1:] = flat[: n - 1]
         data[8, w:] = flat[: n - w]
         return dia_array((data, offsets), shape=(n, n))

@@ -10,7 +10,7 @@ triangles::
 
 Rhombi are not turned into rhombi by 60°, but nodes are turned into nodes and triangles into triangles. The
 conduction matrix of an equilateral triangle with linear shape functions couples each pair of corners by -k /
-(2√3), whatever its size.
+(2√3), for any size.
 """
 
 from __future__ import annotations

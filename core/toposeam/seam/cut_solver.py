@@ -12,7 +12,6 @@ import numpy as np
 from toposeam.arrays import Floats, Mask
 from toposeam.heat.network import Network
 from toposeam.seam.automatic import FLOW_PIXELS
-from toposeam.seam.exact.maximum_flow import minimum_cut
 from toposeam.seam.find import Method, method_options
 from toposeam.seam.heat.method import HeatOptions
 from toposeam.seam.heat.newton import Heat, gather_heat
@@ -61,6 +60,8 @@ class CutSolver:
             from toposeam.seam.exact.graph_cut import least_cut
 
             return least_cut(network, self._bounded(cost))
+        from toposeam.seam.exact.maximum_flow import minimum_cut
+
         return minimum_cut(network, self._bounded(cost))
 
     def heat(self, network: Network, cost: Floats) -> Heat:

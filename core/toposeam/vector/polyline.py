@@ -256,14 +256,14 @@ def _chains(following: Ints) -> tuple[Ints, Ints, Mask]:
     open_starts = np.flatnonzero(~has_previous).tolist()
     chain: list[int] = []
     begin: list[int] = []
-    seen = bytearray(len(after))
+    visited = bytearray(len(after))
     for start in (*open_starts, *range(len(after))):
-        if seen[start]:
+        if visited[start]:
             continue
         begin.append(len(chain))
         edge = start
-        while edge >= 0 and not seen[edge]:
-            seen[edge] = 1
+        while edge >= 0 and not visited[edge]:
+            visited[edge] = 1
             chain.append(edge)
             edge = after[edge]
     return np.array(chain, np.int64), np.array(begin, np.int64), np.arange(len(begin)) >= len(open_starts)

@@ -25,13 +25,13 @@ from scipy.sparse.csgraph import dijkstra
 from toposeam.arrays import Floats32, Mask
 
 #: Corners whose edges are laid out at a time, to bound the memory.
-_BLOCK = 1 << 16
+_BLOCK_CORNERS = 1 << 16
 #: The weight w above, of paths that wander.
 _WANDERING = 0.6
 #: Largest distance of the path from the coarse path, in corners.
-_BAND = 16
+_BAND_CORNERS = 16
 #: Largest distance of an end of the coarse path from that of the path, in coarse corners.
-_END_REACH = 8
+_END_CORNERS = 8
 _NO_WAY = np.float32(np.inf)
 
 
@@ -90,7 +90,10 @@ def _beside_coarse_path(
     near = np.zeros(below.shape, bool)
     corners = [2 * value for value in np.divmod(path, coarse[0].shape[1])]
     for y, x in [*zip(*corners, strict=True), *(divmod(end, stride) for end in ends)]:
-        near[max(y - _BAND, 0) : y + _BAND + 1, max(x - _BAND, 0) : x + _BAND + 1] = True
+        near[
+            max(y - _BAND_CORNERS, 0) : y + _BAND_CORNERS + 1,
+            max(x - _BAND_CORNERS, 0) : x + _BAND_CORNERS + 1,
+        ] = True
     return near
 
 
@@ -120,8 +123,8 @@ def _nearest(below: Floats32, beside: Floats32, corner: tuple[int, int]) -> int 
 
     Returns its flat index among the coarse corners; None where there is none close by.
     """
-    top, left = (max(value // 2 - _END_REACH, 0) for value in corner)
-    box = np.s_[top : top + 2 * _END_REACH, left : left + 2 * _END_REACH]
+    top, left = (max(value // 2 - _END_CORNERS, 0) for value in corner)
+    box = np.s_[top : top + 2 * _END_CORNERS, left : left + 2 * _END_CORNERS]
     y, x = np.nonzero(np.isfinite(below[box]) | np.isfinite(beside[box]))
     if not len(y):
         return None
@@ -163,8 +166,8 @@ class CornerGraph(NamedTuple):
         neighbour, cost = np.empty((len(used), 4), np.int32), np.empty((len(used), 4))
         # Indices wrap round: before the first corner comes the last one, from which no edge leads on.
         ways = ((-stride, below, True), (-1, beside, True), (1, beside, False), (stride, below, False))
-        for start in range(0, len(used), _BLOCK):
-            part = slice(start, start + _BLOCK)
+        for start in range(0, len(used), _BLOCK_CORNERS):
+            part = slice(start, start + _BLOCK_CORNERS)
             for column, (step, costs, back) in enumerate(ways):
                 there = used[part] + step
                 neighbour[part, column] = number.take(there, mode="wrap")

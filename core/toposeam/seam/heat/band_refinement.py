@@ -29,7 +29,7 @@ FLOW_CELLS = 3
 #: Number of places at which a closed seam is opened in turn.
 _OPENINGS = 2
 #: Places tried, about, for each opening: from islands of a labelling no line leads across the seam.
-_TRIES = 8
+_PLACES_TRIED = 8
 
 _Box = tuple[slice, slice]
 
@@ -131,7 +131,7 @@ def _refine_closed(
         if place is not None:  # the farthest from the last one come first
             places = places[np.argsort(-((places - place) ** 2).sum(axis=1), kind="stable")]
         across = None
-        for place in places[:: max(1, len(places) // _TRIES)]:
+        for place in places[:: max(1, len(places) // _PLACES_TRIED)]:
             across = _line_across(best, problem.overlap.side[box], piece, place)
             if across is not None:
                 break

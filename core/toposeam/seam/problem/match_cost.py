@@ -251,9 +251,9 @@ def _natural(
 ) -> Iterator[Floats32]:
     """Yield V² of every pixel, for seams across each axis."""
     masking, things = perceived(a, b, shared, start)
-    seen = difference / masking
-    np.minimum(seen, LARGEST_MISMATCH, out=seen)
-    seen += things
+    mismatch = difference / masking
+    np.minimum(mismatch, LARGEST_MISMATCH, out=mismatch)
+    mismatch += things
     planes = a - b
     steps = _steps(shared, axes)
     slopes = [_gradient(planes, known, axis) for known, axis in zip(steps, axes, strict=True)]
@@ -262,7 +262,7 @@ def _natural(
         broken = across[0] if len(across) == 1 else np.sqrt(sum(np.square(slope) for slope in across))
         value = broken / masking
         value *= np.float32(0.5)
-        value += seen
+        value += mismatch
         yield np.square(value, out=value)
 
 

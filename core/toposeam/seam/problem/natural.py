@@ -33,7 +33,7 @@ CELL = 2
 #: Largest distance, px, from an interface's two pixels to others on which its cost depends.
 LOOK = 14
 #: ε, in units of the pictures' range: of cells, and of pixels: steps on smooth ground are noticed sooner.
-_EPSILON, _STEP = np.float32(0.03), np.float32(0.02)
+_CELL_EPSILON, _PIXEL_EPSILON = np.float32(0.03), np.float32(0.02)
 #: κ; and the standard deviation, in units of the pictures' range, above which texture hides no more.
 _MASKING, _MOST_TEXTURE = np.float32(0.7), np.float32(0.2)
 #: Cost of structure in volumes where both stacks agree, as a share of that of an equally large mismatch.
@@ -83,13 +83,13 @@ def perceived(
     there = None if known is None else known > 0
     busy = np.minimum(_variance(first, there), _variance(second, there))
     np.minimum(np.sqrt(busy, out=busy), _MOST_TEXTURE, out=busy)
-    masking: Floats32 = np.add(busy * _MASKING, _EPSILON, dtype=np.float32)
+    masking: Floats32 = np.add(busy * _MASKING, _CELL_EPSILON, dtype=np.float32)
     difference = first - second
     mismatch = _norm(difference)
     mismatch /= masking
     np.minimum(mismatch, LARGEST_MISMATCH, out=mismatch)
     foreign = np.maximum(_outside(first, second, there), _outside(second, first, there))
-    foreign /= _EPSILON
+    foreign /= _CELL_EPSILON
     np.minimum(foreign, LARGEST_MISMATCH, out=foreign)
     if there is not None:
         mismatch *= there
@@ -97,8 +97,8 @@ def perceived(
     thing = _thinness(mismatch, there) * _closed(mismatch)
     thing += _thinness(foreign, there) * _closed(foreign)
     if len(shape) == 3:
-        thing += busy * (_STRUCTURE / _EPSILON)
-    masking -= _EPSILON - _STEP
+        thing += busy * (_STRUCTURE / _CELL_EPSILON)
+    masking -= _CELL_EPSILON - _PIXEL_EPSILON
     return _on_pixels(masking, offset, shape), _on_pixels(thing, offset, shape)
 
 

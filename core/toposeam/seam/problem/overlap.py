@@ -293,8 +293,8 @@ def cores(
         if not small.any():
             break
         threshold[small] *= 0.8
-    lone = not found.any() and own - np.count_nonzero(inside[piece]) < least
-    return first if lone else found
+    only_specks = not found.any() and own - np.count_nonzero(inside[piece]) < least
+    return first if only_specks else found
 
 
 def _sides(

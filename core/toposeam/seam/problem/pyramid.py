@@ -10,12 +10,12 @@ import numpy as np
 from toposeam.arrays import Floats32
 
 #: Pixels, about, of the planes that are processed together: more would not fit the caches.
-_TOGETHER = 1 << 19
+_PIXELS_TOGETHER = 1 << 19
 
 
 def in_runs(count: int, size: int) -> Iterator[slice]:
     """Divide `count` planes of `size` pixels each into runs that are processed together."""
-    step = max(1, _TOGETHER // max(size, 1))
+    step = max(1, _PIXELS_TOGETHER // max(size, 1))
     for first in range(0, count, step):
         yield slice(first, min(first + step, count))
 

@@ -72,7 +72,7 @@ def labels_from_paths(paths: Iterable[Polyline], overlap: Mask, side: Bytes) -> 
     Returns
     -------
     (H, W) bool array
-        True where ``b`` shows. Pixels of side 0 and 1 keep their side, whatever the paths do.
+        True where ``b`` shows. Pixels of side 0 and 1 keep their side with any paths.
 
     Raises
     ------

@@ -61,7 +61,7 @@ from toposeam.seam.thesis.ground_structure import (
 from toposeam.seam.thesis.options import ThesisOptions
 
 #: Distance of the upper asymptote: practically infinite for densities of at most 1.
-_FAR = 1e3
+_UPPER_ASYMPTOTE = 1e3
 #: Share of the distance to the lower asymptote that one step leaves: a density that falls too fast takes a
 #: line out of the competition.
 _MARGIN = 0.3
@@ -218,7 +218,7 @@ class _Run:
                 return
             before, flux_before = self.rho, self.flux
             sensitivity = -p * np.square(self.flux) / self.rho ** (p + 1)  # (3.13), with q = ρᵖ ΔT
-            asymptotes = (self.rho * ((p - 1.0) / (p + 1.0)), self.rho + _FAR) if curved else None
+            asymptotes = (self.rho * ((p - 1.0) / (p + 1.0)), self.rho + _UPPER_ASYMPTOTE) if curved else None
             new = mma.step(
                 self.rho, weight * self.penalised, self.compliance - bound, sensitivity, asymptotes
             )

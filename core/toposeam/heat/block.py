@@ -1,13 +1,13 @@
 r"""A block that conducts heat, in cubes of side 1: the plate's third dimension.
 
-Temperatures belong to the cubes. What flows between two is their difference times the conductance of half of
+Temperatures belong to the cubes. The flow between two is their difference times the conductance of half of
 each in series, :math:`g = 2 k_1 k_2 / (k_1 + k_2)`; heat leaves by convection, as from a plate. So there are
 seven couplings a cube, and
 
 .. math:: \partial\Pi / \partial k_1 = -\sum_{faces} \frac{2 k_2^2}{(k_1 + k_2)^2} (\theta_1 - \theta_2)^2 .
 
 *Multigrid.* A coarse cube is 2 × 2 × 2 fine ones at one temperature. Four faces between two of them, over
-twice the way: their sum is halved, which makes up for what constant temperatures overestimate.
+twice the way: their sum is halved, which corrects the overestimate of constant temperatures.
 """
 
 from __future__ import annotations

@@ -3,10 +3,10 @@
 Smoothers are two damped Jacobi sweeps, with the dampings of the Chebyshev polynomial of degree two. Cycles
 run in single precision, the conjugate gradients around them in double.
 
-*When to stop.* A step α d takes α² dᵀKd off the squared error in the energy norm, (θ* - θ)ᵀK(θ* - θ). As a
-share of the compliance fᵀθ* that is what a design feels: e² is an error of e² in the compliance, and of 2e at
-most in all sensitivities together. Where conductivities differ a thousandfold residuals say little of it:
-when they are 10⁻³ of the load, e² is 10⁻⁸.
+*When to stop.* A step α d takes α² dᵀKd off the squared error in the energy norm, (θ* - θ)ᵀK(θ* - θ). Let e²
+be that error as a share of the compliance fᵀθ*. It is the error that matters to a design: e² in the
+compliance, and 2e at most in all sensitivities together. Where conductivities differ a thousandfold residuals
+say little about it: when they are 10⁻³ of the load, e² is 10⁻⁸.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@ r"""Heat that travels through a grid of conductors with limited capacity: cheape
 
 Voxels of a grid are nodes, fixed at 0 (cold), fixed at 1 (hot) or free; the conductor between two neighbours
 carries at most M, the cost of dividing them. Heat that needs time to set itself in motion (Cattaneo 1958)
-follows the temperature differences: its flow grows with them until the conductor is full, and what arrives
-at a voxel and does not leave it changes its temperature:
+follows the temperature differences: its flow grows with them until the conductor is full, and the net flow
+into a voxel changes its temperature:
 
 .. math::
 
@@ -22,8 +22,8 @@ three dimensions elimination fills in, and a few hundred sweeps, each as cheap a
 times, win. Most of a volume comes to rest early: of the bricks that the grid is cut into
 (:mod:`toposeam.heat.bricks`) only those are swept in which something still moves.
 
-*What is known at every step.* The flow respects every capacity; what gets lost on its way through free voxels
-is counted against it, and the rest is a lower bound on every cut (:meth:`GridFlow.bound`).
+*Bounds at every step.* The flow respects every capacity. Its size, less its losses on the way through free
+voxels, is a lower bound on every cut (:meth:`GridFlow.bound`).
 """
 
 from __future__ import annotations

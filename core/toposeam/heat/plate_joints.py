@@ -1,8 +1,8 @@
 r"""Joints of the border of a plate to itself, as groups of border nodes that share one temperature.
 
-A plate of h × w elements has (h + 1) × (w + 1) nodes. Where motifs lie side by side, what leaves one enters
-the next, so the temperature of some border nodes is that of others: θ = Tθ' (thesis 4.8). The joints are
-those of the thesis, plus the one of a compound motif:
+A plate of h × w elements has (h + 1) × (w + 1) nodes. Where motifs lie side by side, heat that leaves one
+enters the next, so the temperature of some border nodes is that of others: θ = Tθ' (thesis 4.8). The joints
+are those of the thesis, plus the one of a compound motif:
 
 - ``free``: no joint; the border is insulated, as a mirror is (Figure 4.1);
 - ``translate``: right is left and bottom is top (4.6), a torus;

@@ -4,13 +4,13 @@ With potential ψ between 0 on the cold and 1 on the hot terminal, jump d = ψ(h
 element, the relaxed seam is the least of Σ M |d|; its dual is the largest flow f between the terminals with
 |f| ≤ M. Writing d = u - v with u, v ≥ 0, points near both optima satisfy u (M - f) = v (M + f) = μ for a
 small μ (the *central path*). One Newton step towards it is one heat network: element e conducts k = 1 / (u /
-(M - f) + v / (M + f)), and the heat that enters at the nodes is what the step has to even out. Where the flow
-leaves room, M - |f|, the potential becomes level; it jumps where the flow fills the elements: there is the
-seam. Mehrotra's predictor and corrector (1992, doi:10.1137/0802028) take two solutions with one
+(M - f) + v / (M + f)), and the heat that enters at the nodes is the imbalance that the step removes. Where
+the flow leaves room, M - |f|, the potential becomes level; it jumps where the flow fills the elements: there
+is the seam. Mehrotra's predictor and corrector (1992, doi:10.1137/0802028) take two solutions with one
 factorisation.
 
 *Nothing here knows of pictures*, nor of how many dimensions they have: nodes and elements are all there is.
-To divide anything else (voxels, superpixels, time) number what is free from 0 on, number what is decided n
+To divide anything else (voxels, superpixels, time) number the free nodes from 0 on and the fixed ones n
 (cold) or n + 1 (hot), give every pair of neighbours an element and its cost, merge parallel ones
 (:meth:`Network.quotient`), and step until the best cut is near enough to the bound::
 
@@ -22,7 +22,7 @@ To divide anything else (voxels, superpixels, time) number what is free from 0 o
 Every free node must be joined, through elements, to a terminal; BLAS should run on one thread
 (:func:`toposeam.heat.threads.one_thread`).
 
-*What is known at every step.* The flow is feasible, so its size is a lower bound on every seam. The potential
+*Bounds at every step.* The flow is feasible, so its size is a lower bound on every seam. The potential
 cut at any threshold is a seam. When the two meet, the seam is proven to be the best one, up to the tolerance.
 """
 
@@ -65,8 +65,8 @@ class PrimalDual:
     Attributes
     ----------
     cost : (E,) float64 array
-        M, kept between twice what a first seam costs and a ten-millionth of that. What a cut costs is
-        counted by what was given.
+        M, limited to between a ten-millionth and twice the cost of a first seam. Costs of cuts are computed
+        from the given values.
     potential : (n + 2,) float64 array
         ψ; between steps it may lie a little outside [0, 1].
     jump, flow : (E,) float64 arrays
@@ -134,13 +134,13 @@ class PrimalDual:
         best = int(ties[0] if len(ties) == 1 else ties[np.argmin(np.abs(ties - (_THRESHOLDS - 1) / 2))])
         return float(costs[best]), (best + 0.5) / _THRESHOLDS
 
-    @np.errstate(divide="ignore", invalid="ignore", over="ignore")  # what is not finite is refused below
+    @np.errstate(divide="ignore", invalid="ignore", over="ignore")  # refused below if not finite
     def step(self) -> None:
         """Take one Newton step.
 
         Two free nodes that are joined to each other (cost 1), to the cold terminal (1 and 5) and to the hot
         one (5 and 1.5). Of the four cuts, 1 + 1 + 1.5 = 3.5 is the best: the first node hot, the second cold.
-        The first network's potential says so already; each step raises what is proven, and the heat gathers
+        The first network's potential says so already; each step raises the bound, and the heat gathers
         until the potential is the cut:
 
         >>> tail, head = np.array([2, 2, 0, 0, 1]), np.array([0, 1, 1, 3, 3])
@@ -156,7 +156,7 @@ class PrimalDual:
         Raises
         ------
         SolverError
-            When the factorisation breaks down, or what it gives is not finite.
+            When the factorisation breaks down, or its solution is not finite.
         """
         up, down, flow, jump = self._up, self._down, self.flow, self.jump
         left_up, left_down = self.cost - flow, self.cost + flow

@@ -22,7 +22,7 @@ class Termination(StrEnum):
 
     #: Every flux is 0 or 1: the heat runs along one line.
     SINGLE_LINE = "single line"
-    #: The iterations allowed ran out first; the seam is the best cut of what was there.
+    #: The iterations allowed ran out first; the seam is the best cut of the last state.
     ITERATIONS = "iterations exhausted"
     #: The method is direct: it returns the answer without iterating.
     DIRECT = "direct"

@@ -147,7 +147,7 @@ def read_svg(source: str | bytes | os.PathLike[str], *, size: tuple[int, int] | 
     """Read the lines of an SVG document, in pixels.
 
     Paths, lines, polylines, polygons, rectangles, circles and ellipses are read, through groups, layers,
-    transforms and units; definitions and what is hidden (``display: none``) are not. A name is the element's
+    transforms and units; definitions and hidden elements (``display: none``) are not. A name is the element's
     ``<title>``, else its Inkscape label, else its ``id``.
 
     One px is 1/96 inch, as SVG has it, with one exception: a document whose width is given in physical units

@@ -1,6 +1,6 @@
 """Refinement of a seam in a band: the best one of all seams that stay near it, or near other flows.
 
-Pixels that coarse networks have merged are never divided again, and most of what that costs are missed
+Pixels that coarse networks have merged are never divided again; most of the cost of that comes from missed
 detours of ten to sixty pixels. So when heat has found where the seam runs, all pixels near it are free again,
 and those near the other ways that heat could still take; the best cut divides them. Where the seam leads from
 one gap to another, that cut is a shortest path between corners (:mod:`toposeam.seam.exact.optimum`), which

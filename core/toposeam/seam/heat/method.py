@@ -6,7 +6,7 @@ criterion is k = |q| / M up to a factor, and substituting back leaves Σ M |q|: 
 path for edge lengths M, the best seam.
 
 *Seen from the pixels.* By planar duality the flux across interface (s, t) is the jump |ψ(s) - ψ(t)| of a
-label potential that is 0 on what only ``a`` covers and 1 on what only ``b`` covers. No terminals need
+label potential that is 0 where only ``a`` has pixels and 1 where only ``b`` has. No terminals need
 placing, so strips, Ls, rings, islands and several overlaps are one case, and the converged potential is the
 label map.
 
@@ -14,9 +14,9 @@ label map.
 steps on the potential and its dual flow together (:mod:`toposeam.heat.primal_dual`) are heat networks just as
 well, take six to ten of them, and prove how good the seam is: the flow bounds every seam's cost from below.
 
-*Large overlaps* start out contracted by what coarser networks show (:mod:`toposeam.seam.heat.coarsening`),
-and are opened again along the seam (:mod:`toposeam.seam.heat.band_refinement`); a proof holds for the choices
-that are left.
+*Large overlaps* are first contracted with the help of coarser networks
+(:mod:`toposeam.seam.heat.coarsening`), then refined in a band along the seam
+(:mod:`toposeam.seam.heat.band_refinement`); a proof holds only for the choices that contraction left.
 """
 
 from __future__ import annotations

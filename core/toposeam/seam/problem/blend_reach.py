@@ -54,7 +54,7 @@ class Reach:
         Every `STEP`-th row and column of it from top to bottom: the number of the first row, a multiple of
         `CELL`, the difference of the two pictures, where both have pixels, and where only one has.
     reach : float
-        How far the blend reaches, px.
+        Distance over which pictures are blended, px.
 
     Examples
     --------

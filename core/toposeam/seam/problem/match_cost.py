@@ -17,7 +17,7 @@ There are three laws, for neighbours s and t in direction d (horizontal or verti
     V(s) = min(|A(s) - B(s)| / m(s), 12)  +  ½ |G_A^e(s) - G_B^e(s)| / m(s)  +  W(s)
     M(s, t) = V(s)²  +  V(t)²  +  length
 
-where e is the direction of the seam, so that what runs across the seam in one picture has to run on in the
+where e is the direction of the seam, so that lines across the seam in one picture have to continue in the
 other. The square makes one clear break cost more than many faint ones. Norms are Euclidean over channels,
 gradients are central differences along d. Where the patch ends, its last pixel is repeated, so that the
 gradient is half the one known step: noise makes ends no steeper than the inside.

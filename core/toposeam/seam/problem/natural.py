@@ -1,16 +1,16 @@
 """Masking and things: the parts of the match cost that model what eyes notice of a seam.
 
-Everything here is computed on *cells* of two pixels along every axis, the means of what both pictures have
-there. With σ_A, σ_B the local standard deviations of the two pictures (over windows of 3 cells)::
+Everything here is computed on *cells* of two pixels along every axis: the mean of each picture over the
+pixels that both have. With σ_A, σ_B their local standard deviations (over windows of 3 cells)::
 
     masking      m = ε + κ min(σ_A, σ_B, 0.2)           texture of both pictures hides a seam; ε is 0.02
                                                         between pixels, 0.03 in what follows
     mismatch     v = min(|A - B| / m, 12)
-    foreign      o = min(|A - [B]| / ε, 12)             how far A's colours lie outside of those that B has in
-                                                        5 × 5 cells, or B's outside of A's: the larger one
+    foreign      o = min(|A - [B]| / ε, 12)             distance of A's colours from the range of B's within
+                                                        5 × 5 cells, or of B's from A's: the larger one
     things       W = T(v) C(v - 1) + T(o) C(o - 1)      with T(x) = ‖x‖₄ / ‖x‖₁
 
-C closes (dilates, then erodes) over 5 cells what is left above 0, so that the inside of a thing costs as
+C closes (dilates, then erodes) the positive part over 5 cells, so that the inside of a thing costs as
 much as its outline; norms are power means over windows of 7 cells, and their quotient T grows where something
 is thin, so that a post costs as much to cut as a wall. Edges that lie a few pixels apart in the two pictures,
 and leaves that moved, are mismatches but not foreign; a head before trees, a lamp before a wall are both.

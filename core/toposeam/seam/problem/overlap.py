@@ -16,8 +16,8 @@ its border interfaces get a one-sided cost (:mod:`toposeam.seam.problem.match_co
 
 A component of the overlap that touches the ground of one patch only is a whole piece of the other patch lying
 inside, and an option says how much of that piece must show. Its *core*, all but the outermost ``1 - core`` of
-its depth, is fixed to the inner patch, and the seam closes round it. A component that touches
-neither ground is covered identically by both patches and stays ``a``.
+its depth, is fixed to the inner patch, and the seam closes round it. A component that touches neither ground
+is covered identically by both patches and stays ``a``.
 
 A core has at least ``speck`` pixels that are connected; a piece that is too small for that is a *speck*, as
 ragged masks have many. It forces nothing and is the outer patch's, unless the inner one has hardly anything

@@ -1,10 +1,10 @@
 """Labels from paths: which patch shows where, after the seam was bent by hand.
 
 The paths are arbitrary lines. Two neighbouring pixels are apart where the segment between their centres
-crosses paths an odd number of times; what is still joined is a region, and each region shows one patch. All
-crossings are exact. Path points are rounded to 1/512 px, and pixel centres stand 1/1024 px right of and below
-their true place, so that no point lies on a line between centres; a path right through a centre is taken as
-slightly right of it. What remains is integer arithmetic, hence paths never leak.
+crosses paths an odd number of times. Pixels that are still joined are a region, and each region shows one
+patch. All crossings are exact. Path points are rounded to 1/512 px, and pixel centres stand 1/1024 px right
+of and below their true place, so that no point lies on a line between centres; a path right through a centre
+is taken as slightly right of it. The rest is integer arithmetic, hence paths never leak.
 
 An example: five free pixels a row between ``a`` and ``b``, and a path that goes down, up and down again, so
 that it crosses the row in the middle three times. ``|`` and ``―`` stand where neighbours are apart::
@@ -15,7 +15,7 @@ that it crosses the row in the middle three times. ``|`` and ``―`` stand where
                       ―       ―                of row 1 from those below them
     row 2     a   p   q   r   s | t   b
 
-What is joined is two regions: p of all rows with q, r and s of row 2, and through them r of row 1; it touches
+Two regions stay joined: p of all rows with q, r and s of row 2, and through them r of row 1; it touches
 ``a``. The rest touches ``b``. The seam is the border between the two, and follows the path round r.
 """
 
@@ -80,7 +80,7 @@ def labels_from_paths(paths: Iterable[Polyline], overlap: Mask, side: Bytes) -> 
         When the paths do not separate the patches: somewhere a front, a connected stretch along which free
         pixels border on ground of one side, ends up half or more beside the other patch. (Less is let pass: a
         path that was bent over the edge of the overlap, or that does not end at the very corner where the
-        patches part, still says what is meant. So does one that leaves out specks of a mask.)
+        patches part, is still clear. So is one that leaves out specks of a mask.)
     OptionError
         When `overlap` and `side` do not fit together.
 

@@ -5,8 +5,8 @@ of 16 px. Of a mean cost c per interface, which is V² of one pixel plus V² of 
 
     1 / (1 + c / 18)
 
-1 where both pictures show the same, ½ where each of the two pixels differs by three times what is just seen,
-near 0 where something is cut in two.
+1 where both pictures show the same, ½ where each of the two pixels differs by three times the just
+noticeable, near 0 where something is cut in two.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class Verdict:
         return self.worst >= UNSEEN
 
     def inside(self, box: tuple[int, int, int, int] | None) -> Verdict:
-        """Judge what a crop of the canvas shows of the seam, with places counted from its corner.
+        """Judge the part of the seam inside a crop of the canvas, with places counted from its corner.
 
         Parameters
         ----------

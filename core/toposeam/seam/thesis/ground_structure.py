@@ -7,9 +7,9 @@ pixels, are one ideal terminal: the source at one end of the seam, the sink at t
 (m + 1)(n + 1) corners and m(n + 1) + n(m + 1) elements.
 
 *From pixels* (the planar dual): nodes are pixels, the same element has conductance 1/k and joins the two
-pixels on either side, and the terminals are what only ``a`` and only ``b`` cover. A label potential between 0
-and 1 jumps, across each interface, by the flux along it when the whole seam carries unit heat. This view has
-no ends to find; it holds for rings, islands and several gaps alike.
+pixels on either side, and the terminals are the ground of only ``a`` and of only ``b``. A label potential
+between 0 and 1 jumps, across each interface, by the flux along it when the whole seam carries unit heat. This
+view has no ends to find; it holds for rings, islands and several gaps alike.
 
 *Outermost elements.* The border pixels of the overlap, which are fixed to the patch beyond them, may change
 sides here, at M_max = 10⁶ per interface (Figure 3.6). Elements along a gap join a terminal to itself: they

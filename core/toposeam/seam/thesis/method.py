@@ -99,7 +99,7 @@ def thesis_path(
     -------
     Solution
         Its labels always separate the patches. Where its termination is not ``SINGLE_LINE`` the heat still
-        ran along several lines, and the labels are the best cut of what was there. ``soft`` is the label
+        ran along several lines, and the labels are the best cut of the last state. ``soft`` is the label
         potential at the end of stage 1.
     """
     structure = ground_structure(problem)

@@ -1,13 +1,13 @@
 r"""A block that conducts heat, in cubes of side 1: the plate's third dimension.
 
-Temperatures belong to the cubes. What flows between two is their difference times the conductance of half of
+Temperatures belong to the cubes. The flow between two is their difference times the conductance of half of
 each in series, :math:`g = 2 k_1 k_2 / (k_1 + k_2)`; heat leaves by convection, as from a plate. So there are
 seven couplings a cube, and
 
 .. math:: \partial\Pi / \partial k_1 = -\sum_{faces} \frac{2 k_2^2}{(k_1 + k_2)^2} (\theta_1 - \theta_2)^2 .
 
 *Multigrid.* A coarse cube is 2 × 2 × 2 fine ones at one temperature. Four faces between two of them, over
-twice the way: their sum is halved, which makes up for what constant temperatures overestimate.
+twice the way: their sum is halved, which corrects the overestimate of constant temperatures.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from toposeam.arrays import Floats, Floats32
 from toposeam.errors import OptionError, SolverError
 from toposeam.heat.conjugate import DAMPING, conjugate_gradients
 
-#: Grids are made coarser until they have no more cubes than this.
-_COARSEST = 300
-#: Smoothing steps of two sweeps on either side.
-_STEPS = 2
+#: Most cubes of the coarsest grid.
+_COARSEST_CUBES = 300
+#: Smoothing steps, of two sweeps each, before a coarse correction, and as many after it.
+_SMOOTHING_STEPS = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BlockTemperature:
-    """A steady state."""
+    """The steady state of a block."""
 
     #: Temperatures of the (d, h, w) cubes.
     cubes: Floats
@@ -44,7 +44,7 @@ class BlockTemperature:
 
 
 class Block:
-    """Where heat comes from, and where it goes.
+    """A block of cubes with heat sources and convection.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ class Block:
         tolerance: float = 1e-5,
         max_iterations: int = 300,
     ) -> BlockTemperature:
-        """The steady state for (d, h, w) conductivities, all positive, from an optional guess.
+        """Compute the steady state for (d, h, w) conductivities, all positive, from an optional guess.
 
         Raises
         ------
@@ -102,7 +102,7 @@ class Block:
         """
         faces = [self._conductance(conductivity, axis) for axis in range(3)]
         levels = [_Level(faces, self.convection)]
-        while levels[-1].sink.size > _COARSEST and (coarser := levels[-1].coarser()) is not None:
+        while levels[-1].sink.size > _COARSEST_CUBES and (coarser := levels[-1].coarser()) is not None:
             levels.append(coarser)
 
         def multiply(theta: Floats) -> Floats:
@@ -136,11 +136,11 @@ class Block:
         )
 
     def _ends(self, axis: int) -> bool:
-        """Whether faces at the far end of an axis lead nowhere."""
+        """Return whether faces at the far end of an axis are insulated."""
         return axis == 0 or not self.joined
 
     def _conductance(self, k: Floats, axis: int) -> Floats:
-        """Of the face between every cube and the next along an axis, (d, h, w)."""
+        """Compute the conductance between every cube and the next along an axis, (d, h, w)."""
         beyond = np.roll(k, -1, axis)
         g: Floats = 2.0 * k * beyond / (k + beyond)
         if self._ends(axis):
@@ -168,7 +168,7 @@ def _add_flow(
     field: npt.NDArray[np.floating],
     faces: Sequence[npt.NDArray[np.floating]],
 ) -> None:
-    """Add what flows out of every cube, in place."""
+    """Add the heat that flows out of every cube, in place."""
     for axis, g in enumerate(faces):
         here, there = [slice(None)] * 3, [slice(None)] * 3
         here[axis], there[axis] = slice(None, -1), slice(1, None)
@@ -196,7 +196,7 @@ class _Level:
         self._jacobi: Floats32 = (1.0 / np.maximum(diagonal, 1e-30)).astype(np.float32)
 
     def coarser(self) -> _Level | None:
-        """The grid of 2 × 2 × 2 cubes; None where a side is odd."""
+        """Build the grid of 2 × 2 × 2 cubes; None where a side is odd or too short."""
         if any(side % 2 for side in self.sink.shape) or min(self.sink.shape) < 4:
             return None
         faces = []
@@ -207,13 +207,13 @@ class _Level:
         return _Level(faces, _summed(self.sink, [0, 1, 2]))
 
     def residual(self, load: Floats32, theta: Floats32) -> Floats32:
-        """Load - K θ."""
+        """Compute load - K θ."""
         product: Floats32 = self._convection * theta
         _add_flow(product, theta, self.faces)
         return load - product
 
     def sweep(self, load: Floats32, theta: Floats32, dampings: tuple[np.float32, ...]) -> None:
-        """Jacobi sweeps, in place."""
+        """Run Jacobi sweeps, in place."""
         for damping in dampings:
             theta += damping * self._jacobi * self.residual(load, theta)
 
@@ -229,13 +229,13 @@ class _Level:
         return inverse
 
     def solved(self, load: Floats32) -> Floats32:
-        """Directly, on the coarsest grid."""
+        """Solve directly, on the coarsest grid."""
         solved: Floats32 = (self._inverse @ load.ravel()).reshape(load.shape).astype(np.float32)
         return solved
 
 
 def _summed(values: Floats, axes: list[int]) -> Floats:
-    """Values in pairs along some axes."""
+    """Add up pairs of values along some axes."""
     for axis in axes:
         even, odd = [slice(None)] * 3, [slice(None)] * 3
         even[axis], odd[axis] = slice(None, None, 2), slice(1, None, 2)
@@ -244,12 +244,12 @@ def _summed(values: Floats, axes: list[int]) -> Floats:
 
 
 def _cycle(levels: list[_Level], load: Floats32, depth: int = 0) -> Floats32:
-    """One W-cycle from zero."""
+    """Run one W-cycle from zero."""
     level = levels[depth]
     if depth == len(levels) - 1:
         return level.solved(load)
     theta = np.zeros_like(load)
-    for _ in range(_STEPS):
+    for _ in range(_SMOOTHING_STEPS):
         level.sweep(load, theta, DAMPING)
     for _ in range(2 if depth else 1):
         coarse = _summed(level.residual(load, theta), [0, 1, 2])  # type: ignore[arg-type]
@@ -257,6 +257,6 @@ def _cycle(levels: list[_Level], load: Floats32, depth: int = 0) -> Floats32:
         for axis in range(3):
             correction = correction.repeat(2, axis)
         theta += correction
-    for _ in range(_STEPS):
+    for _ in range(_SMOOTHING_STEPS):
         level.sweep(load, theta, DAMPING[::-1])
     return theta

@@ -1,6 +1,4 @@
-"""A grid cut into bricks, of which only some are held: arrays in which what is near in the grid is near in
-memory, whatever part of the grid is looked at.
-"""
+"""A grid cut into bricks, of which only some are stored: neighbours in the grid are close in memory."""
 
 from __future__ import annotations
 
@@ -12,19 +10,19 @@ from toposeam.arrays import Mask
 Index = tuple[slice, ...]
 
 LOW, HIGH = slice(None, -1), slice(1, None)
-#: Voxels of a brick along each axis, at most: of a volume, of a plane and of a line.
+#: Longest sides of a brick, in voxels: of a volume, of a plane and of a line.
 _SIDES = {3: (8, 8, 8), 2: (16, 32), 1: (512,)}
 
 
 def along(axis: int, part: slice) -> Index:
-    """The index that takes a part of one axis, and all of the others."""
+    """Return the index of a part of one axis, and of all of the others before it."""
     return (*(slice(None),) * axis, part)
 
 
 class Bricks:
     """The bricks of a grid that hold a voxel of a mask.
 
-    Arrays on them have the shape (n + 1, *side): the last brick stands for whatever is beyond.
+    Arrays on them have the shape (n + 1, *side): the last brick stands for all that are not stored.
 
     Parameters
     ----------
@@ -48,15 +46,15 @@ class Bricks:
         #: Voxels along each axis.
         self.side = tuple(-(-length // n) for length, n in zip(self.shape, self._counts, strict=True))
         within = tuple(range(1, 2 * mask.ndim, 2))
-        held = self._divided(mask).any(axis=within)
-        self._places = np.nonzero(held)
+        stored = self._divided(mask).any(axis=within)
+        self._places = np.nonzero(stored)
         n = len(self._places[0])
-        number = np.full([count + 2 for count in held.shape], n, np.intp)
-        number[(slice(1, -1),) * held.ndim][held] = np.arange(n)
-        #: (count, …) number of the brick at each place; n where it is not held.
-        self._number = number[(slice(1, -1),) * held.ndim]
-        around = [tuple(place + 1 for place in self._places)] * held.ndim
-        #: Per axis the (n,) neighbours beyond either end; n where that is not held.
+        number = np.full([count + 2 for count in stored.shape], n, np.intp)
+        number[(slice(1, -1),) * stored.ndim][stored] = np.arange(n)
+        #: (count, …) number of the brick at each place; n where none is stored.
+        self._number = number[(slice(1, -1),) * stored.ndim]
+        around = [tuple(place + 1 for place in self._places)] * stored.ndim
+        #: Per axis the (n,) neighbours beyond either end; n where none is stored.
         self.lower, self.upper = (
             [number[(*at[:axis], at[axis] + step, *at[axis + 1 :])] for axis, at in enumerate(around)]
             for step in (-1, 1)
@@ -65,13 +63,13 @@ class Bricks:
     def __len__(self) -> int:
         return len(self._places[0])
 
-    def taken(self, values: npt.NDArray[np.generic]) -> npt.NDArray:  # type: ignore[type-arg]
-        """The values of a grid, which may be shorter along some axes, on its bricks; 0 beyond."""
+    def gather(self, values: npt.NDArray[np.generic]) -> npt.NDArray:  # type: ignore[type-arg]
+        """Copy the values of a grid, which may be shorter along some axes, to its bricks; 0 beyond."""
         result = np.zeros((len(self) + 1, *self.side), values.dtype)
         result[:-1] = self._ordered(self._divided(values))[self._places]
         return result
 
-    def put(self, values: npt.NDArray[np.generic], into: npt.NDArray[np.generic]) -> None:
+    def scatter(self, values: npt.NDArray[np.generic], into: npt.NDArray[np.generic]) -> None:
         """Write the values of the bricks into a grid, which may be shorter along some axes."""
         divided = self._divided(into)
         self._ordered(divided)[self._places] = values[:-1]
@@ -79,10 +77,10 @@ class Bricks:
             whole = divided.reshape([a * b for a, b in zip(self._counts, self.side, strict=True)])
             into[...] = whole[tuple(slice(length) for length in into.shape)]
 
-    def at(self, voxel: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
-        """Where voxels of flat indices in the grid stand in an array of the bricks, flat.
+    def flat_index(self, voxel: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
+        """Turn flat indices of voxels in the grid into flat indices in an array of the bricks.
 
-        Those that no brick holds stand in the last one.
+        Voxels in no stored brick get indices in the last one.
         """
         place = np.unravel_index(voxel, self.shape)
         brick, inner = zip(
@@ -93,7 +91,7 @@ class Bricks:
         return found
 
     def _divided(self, values: npt.NDArray[np.generic]) -> npt.NDArray:  # type: ignore[type-arg]
-        """(n, m, …) as (count, side, count, side, …): a view where nothing is missing, a copy elsewhere."""
+        """Reshape (n, m, …) to (count, side, count, side, …): a view where nothing is missing."""
         missing = [
             (0, count * side - length)
             for length, count, side in zip(values.shape, self._counts, self.side, strict=True)
@@ -104,6 +102,6 @@ class Bricks:
         return values.reshape(shape)
 
     def _ordered(self, divided: npt.NDArray) -> npt.NDArray:  # type: ignore[type-arg]
-        """(count, side, count, side, …) as (count, count, …, side, side, …), a view."""
+        """Reorder (count, side, count, side, …) to (count, count, …, side, side, …), a view."""
         axes = range(divided.ndim)
         return divided.transpose(*axes[::2], *axes[1::2])

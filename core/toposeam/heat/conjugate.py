@@ -1,12 +1,12 @@
-"""Conjugate gradients preconditioned by a multigrid cycle, whatever the number of dimensions.
+"""Conjugate gradients preconditioned by a multigrid cycle, in any number of dimensions.
 
 Smoothers are two damped Jacobi sweeps, with the dampings of the Chebyshev polynomial of degree two. Cycles
 run in single precision, the conjugate gradients around them in double.
 
-*When to stop.* A step α d takes α² dᵀKd off the squared error in the energy norm, (θ* - θ)ᵀK(θ* - θ). As a
-share of the compliance fᵀθ* that is what a design feels: e² is an error of e² in the compliance, and of 2e at
-most in all sensitivities together. Where conductivities differ a thousandfold residuals say little of it:
-when they are 10⁻³ of the load, e² is 10⁻⁸.
+*When to stop.* A step α d takes α² dᵀKd off the squared error in the energy norm, (θ* - θ)ᵀK(θ* - θ). Let e²
+be that error as a share of the compliance fᵀθ*. It is the error that matters to a design: e² in the
+compliance, and 2e at most in all sensitivities together. Where conductivities differ a thousandfold residuals
+say little about it: when they are 10⁻³ of the load, e² is 10⁻⁸.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 
 from toposeam.arrays import Floats, Floats32
 
-#: Eigenvalues of D⁻¹K that the smoother damps, and its two dampings.
+#: Interval of the eigenvalues of D⁻¹K that the smoother damps; below, the dampings of its two sweeps.
 _SMOOTHED = (0.45, 1.6)
 _middle, _half = sum(_SMOOTHED) / 2, (_SMOOTHED[1] - _SMOOTHED[0]) / 2 / np.sqrt(2.0)
 DAMPING = (np.float32(1.0 / (_middle + _half)), np.float32(1.0 / (_middle - _half)))
@@ -26,7 +26,7 @@ DAMPING = (np.float32(1.0 / (_middle + _half)), np.float32(1.0 / (_middle - _hal
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solved:
-    """A system's solution."""
+    """The solution of a system."""
 
     #: θ, (N,) floats.
     theta: Floats
@@ -65,12 +65,12 @@ def conjugate_gradients(
         Stop when the residual's norm is this share of the load's.
     max_iterations : int
     energy : float
-        Stop after a step, too, that took no more than this share of the compliance off the squared error.
+        Also stop after a step that takes no more than this share of the compliance off the squared error.
 
     Returns
     -------
     Solved or None
-        None where it did not get there.
+        None where the iterations did not converge.
     """
     goal = tolerance * np.sqrt(inner(load, load))
     theta = np.zeros_like(load) if start is None else start.copy()

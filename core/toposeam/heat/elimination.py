@@ -1,8 +1,8 @@
 """Exact solution of symmetric positive systems whose pattern stays and whose values change.
 
 The pattern, the pairs of unknowns that are coupled, is analysed once; then each new set of values costs one
-pass over them and one factorisation: dense, banded (reverse Cuthill-McKee) or sparse (SuperLU), whichever the
-size and the bandwidth favour.
+pass over them and one factorisation: dense, banded (reverse Cuthill-McKee) or sparse (QDLDL, else SuperLU),
+depending on the size and the bandwidth.
 """
 
 from __future__ import annotations
@@ -24,43 +24,44 @@ try:
 except ImportError:  # there are no wheels for every platform (musl)
     qdldl = None
 
-#: From loads (n,) to the solutions for them.
+#: A solver of a factorised system: from a load (n,) to its solution (n,).
 Factor = Callable[[Floats], Floats]
 
 #: Up to this many unknowns a dense factorisation beats setting up a banded one.
 DENSE_NODES = 48
-#: Beyond this half-bandwidth sparse elimination beats a banded factorisation …
+#: Largest half-bandwidth at which a banded factorisation beats sparse elimination.
 WIDEST_BAND = 100
-#: … but for a full band, as of an overlap solved whole, only beyond so many times that.
-_FULL_BAND = 2.5
-#: A band is full when rows reach this share of its width in the mean.
-_FULL = 0.5
-#: A factorisation of this many products costs less than reordering the unknowns.
-_CHEAP = 1e6
-#: From this many unknowns on, eliminating those that are apart pays, if they are at least this share of all.
+#: Factor on that for a full band, such as that of an overlap solved whole.
+_FULL_BAND_FACTOR = 2.5
+#: Least mean width of the rows of a full band, as a share of the band's width.
+_FULL_BAND_SHARE = 0.5
+#: Most products of a factorisation that costs less than reordering the unknowns.
+_CHEAP_PRODUCTS = 1e6
+#: Least number of unknowns at which it pays to eliminate first those that are apart; and their least share.
 CONDENSED_NODES = 1500
 _APART_SHARE = 0.3
-#: From this many unknowns on nobody looks whether those of an irregular network could be numbered in a band.
+#: Least number of unknowns at which an irregular network is factorised without looking for a narrow band.
 SPARSE_NODES = 4000
-#: An unknown coupled to more others than this is not eliminated early.
+#: Most unknowns that one which is eliminated first may be coupled to.
 _MOST_NEIGHBOURS = 6
 
 
 class System(Protocol):
     """A pattern of n unknowns with coupled pairs (i, j)."""
 
-    #: Whether the same values always give the same bits; an order of elimination found on the way rounds
-    #: differently.
+    #: Whether the same values always give the same bits. The first factorisation of QDLDL, which finds the
+    #: order of elimination, rounds differently from later ones.
     repeatable: bool
 
     def factor(self, coupling: Floats, diagonal: Floats) -> Factor:
-        """What solves A x = load, where A has `diagonal` (n,) and, at (i, j) and (j, i), minus `coupling`
-        (E,).
+        """Factorise A, with `diagonal` (n,) and, at (i, j) and (j, i), minus `coupling` (E,).
+
+        Returns the solver of A x = load.
         """
 
 
 def system(n: int, i: AnyInts, j: AnyInts, apart: npt.NDArray[np.bool_] | None = None) -> System:
-    """The cheapest solver for a pattern.
+    """Choose the cheapest solver for a pattern.
 
     Parameters
     ----------
@@ -78,7 +79,7 @@ def system(n: int, i: AnyInts, j: AnyInts, apart: npt.NDArray[np.bool_] | None =
         return _Sparse(n, i, j)
     width = int(np.abs(i - j).max(initial=0))
     if width <= WIDEST_BAND and width * width <= min(
-        n, _CHEAP / n
+        n, _CHEAP_PRODUCTS / n
     ):  # as good as any order could be, or cheaper than finding a better one
         return _Banded(n, np.arange(n), i, j, width)
     graph = csr_array(
@@ -87,10 +88,10 @@ def system(n: int, i: AnyInts, j: AnyInts, apart: npt.NDArray[np.bool_] | None =
     rank = np.empty(n, np.intp)
     rank[reverse_cuthill_mckee(graph, symmetric_mode=True)] = np.arange(n)
     width = int(np.abs(rank[i] - rank[j]).max(initial=0))
-    if WIDEST_BAND < width <= _FULL_BAND * WIDEST_BAND:
+    if WIDEST_BAND < width <= _FULL_BAND_FACTOR * WIDEST_BAND:
         reach = np.zeros(n, np.intp)
         np.maximum.at(reach, np.maximum(rank[i], rank[j]), np.abs(rank[i] - rank[j]))
-        banded = float(reach.mean()) >= _FULL * width
+        banded = float(reach.mean()) >= _FULL_BAND_SHARE * width
     else:
         banded = width <= WIDEST_BAND
     return _Banded(n, rank, rank[i], rank[j], width) if banded else _Sparse(n, i, j)
@@ -180,7 +181,7 @@ class _Sparse:
 
 
 def _unsymmetric(upper: Any) -> Factor:
-    """SuperLU instead, which takes five to ten times as long."""
+    """Factorise by SuperLU instead, which takes five to ten times as long."""
     from scipy.sparse.linalg import splu
 
     whole = (upper + triu(upper, 1).T).tocsc()
@@ -190,8 +191,9 @@ def _unsymmetric(upper: Any) -> Factor:
 
 
 class _Condensed:
-    """Unknowns that are apart are eliminated first, all at once; half of a pixel grid is, and the rest is
-    half the work.
+    """Elimination of all unknowns that are apart, at once, before the others.
+
+    In a pixel grid these are half of the unknowns, and the rest is half the work.
 
     Eliminating r with diagonal d and couplings c_a, c_b … couples each two of its neighbours by c_a c_b / d.
     """

@@ -1,9 +1,9 @@
 r"""Heat that travels through a grid of conductors with limited capacity: cheapest cuts in any dimension.
 
-Voxels of a grid are nodes, held at 0 (cold), held at 1 (hot) or free; the conductor between two neighbours
+Voxels of a grid are nodes, fixed at 0 (cold), fixed at 1 (hot) or free; the conductor between two neighbours
 carries at most M, the cost of dividing them. Heat that needs time to set itself in motion (Cattaneo 1958)
-follows the temperature differences: its flow grows with them until the conductor is full, and what arrives
-at a voxel and does not leave it changes its temperature:
+follows the temperature differences: its flow grows with them until the conductor is full, and the net flow
+into a voxel changes its temperature:
 
 .. math::
 
@@ -22,8 +22,8 @@ three dimensions elimination fills in, and a few hundred sweeps, each as cheap a
 times, win. Most of a volume comes to rest early: of the bricks that the grid is cut into
 (:mod:`toposeam.heat.bricks`) only those are swept in which something still moves.
 
-*What is known at every step.* The flow respects every capacity; what gets lost on its way through free voxels
-is counted against it, and the rest is a lower bound on every cut (:meth:`GridFlow.bound`).
+*Bounds at every step.* The flow respects every capacity. Its size, less its losses on the way through free
+voxels, is a lower bound on every cut (:meth:`GridFlow.bound`).
 """
 
 from __future__ import annotations
@@ -37,24 +37,24 @@ from toposeam.arrays import Floats32, Mask
 from toposeam.heat.bricks import HIGH, LOW, Bricks, along
 from toposeam.heat.sweeps import HOT, Merged, MergedMoves, Part, Sweeps
 
-#: All bricks are swept once in so many sweeps, those in which something moved in between.
+#: Interval, in sweeps, at which all bricks are swept; in between only those in which something moved are.
 _ALL_EVERY = 25
-#: With more than this share of the bricks awake all of them are swept.
-_MOST = 0.8
+#: Largest share of the bricks that are awake for which only those are swept.
+_MOST_AWAKE = 0.8
 #: Thresholds at which the potential is cut.
 _THRESHOLDS = 64
-#: Jumps of ψ beyond this count as crossings.
+#: Least jump of ψ that counts as a crossing.
 _CROSSING = 0.01
 
 
-class Seen(NamedTuple):
-    """What the potential says at a moment."""
+class PotentialState(NamedTuple):
+    """The cheapest cut of the potential between two sweeps, and how far the heat has gathered."""
 
-    cut: float  #: cost of its cheapest cut
+    cut: float  #: cost of the cheapest cut
     threshold: float  #: above which voxels are hot in that cut; of equals, the middle one
-    objective: float  #: Σ M |Dψ|, which no cut costs less than when it is least
-    crossings: int  #: interfaces with more than a hundredth of the flux
-    change: float  #: how far a voxel's temperature went since the last look, at most, in [0, 1]
+    objective: float  #: Σ M |Dψ|, whose minimum is the cost of the cheapest cut
+    crossings: int  #: number of interfaces with more than a hundredth of the flux
+    change: float  #: largest change of a voxel's temperature since the last look, in [0, 1]
 
 
 class GridFlow:
@@ -66,7 +66,7 @@ class GridFlow:
         M along each axis: ``cost[k]`` is one shorter than the grid along axis k, and belongs to the voxels
         on either side. 0 where nothing joins them.
     fixed, hot : bool arrays of the grid's shape
-        Voxels held at a temperature, and which of those at 1.
+        Voxels with a fixed temperature, and those of them at 1.
     potential : float32 array of the grid's shape, optional
         Where to start from, in [0, 1].
     filled : sequence of float32 arrays, optional
@@ -86,30 +86,30 @@ class GridFlow:
     ) -> None:
         free = ~fixed
         self.shape, self.n_free = fixed.shape, int(np.count_nonzero(free))
-        # What is held: every free voxel, and those on the other side of its conductors.
-        held = free.copy()
+        # Stored are the free voxels, and those on the other side of their conductors.
+        stored = free.copy()
         for axis in range(fixed.ndim):
-            held[along(axis, LOW)] |= free[along(axis, HIGH)]
-            held[along(axis, HIGH)] |= free[along(axis, LOW)]
-        self._bricks = bricks = Bricks(held)
-        # What lies between fixed voxels costs the same whatever the others do.
+            stored[along(axis, LOW)] |= free[along(axis, HIGH)]
+            stored[along(axis, HIGH)] |= free[along(axis, LOW)]
+        self._bricks = bricks = Bricks(stored)
+        # Interfaces between fixed voxels cost the same in every cut.
         self._settled, costs = 0.0, []
         for axis, part in enumerate(cost):
             low, high = along(axis, LOW), along(axis, HIGH)
             self._settled += float(part[fixed[low] & fixed[high] & (hot[low] != hot[high])].sum(dtype=float))
-            costs.append(bricks.taken(np.where(free[low] | free[high], part, np.float32(0))))
+            costs.append(bricks.gather(np.where(free[low] | free[high], part, np.float32(0))))
         start = np.full(fixed.shape, 0.5, np.float32) if potential is None else potential.astype(np.float32)
         start[fixed] = hot[fixed]
         self._start, self._filled = start, None if filled is None else list(filled)
-        at = bricks.taken(start)
+        at = bricks.gather(start)
         at *= HOT
-        moves = bricks.taken(free)
+        moves = bricks.gather(free)
         self._before = at.copy()
         self._all = Sweeps(
             at,
             at.copy(),
             np.zeros_like(at),
-            [np.zeros_like(at) for _ in cost] if filled is None else [bricks.taken(part) for part in filled],
+            [np.zeros_like(at) for _ in cost] if filled is None else [bricks.gather(part) for part in filled],
             costs,
             bricks.lower,
             bricks.upper,
@@ -118,10 +118,10 @@ class GridFlow:
         if self._all.groups is not None:
             moves.reshape(-1)[self._all.groups.voxel] = False
         self._all.set_rates(moves)
-        #: Where a surplus that is negative is lost, and where it arrives.
-        self._loses, self._hot = moves, bricks.taken(hot & fixed)
+        #: Voxels at which a negative surplus is lost, and voxels at which heat arrives.
+        self._loses, self._hot = moves, bricks.gather(hot & fixed)
         self._part: Part | None = None
-        # Nothing rests before the heat had time to get everywhere.
+        # No brick rests before the heat had time to get everywhere.
         self._until_all = max(fixed.shape) if potential is None else 0
 
     @property
@@ -129,7 +129,7 @@ class GridFlow:
         """ψ in [0, 1], of the grid's shape."""
         self._settle()
         result = self._start.copy()
-        self._bricks.put(self._all.at * np.float32(1 / HOT), result)
+        self._bricks.scatter(self._all.at * np.float32(1 / HOT), result)
         return result
 
     @property
@@ -140,7 +140,7 @@ class GridFlow:
         for axis, values in enumerate(self._all.filled):
             shape = [length - (place == axis) for place, length in enumerate(self.shape)]
             part = np.zeros(shape, np.float32) if self._filled is None else self._filled[axis].copy()
-            self._bricks.put(values, part)
+            self._bricks.scatter(values, part)
             result.append(part)
         return result
 
@@ -153,7 +153,7 @@ class GridFlow:
                 times -= 1
                 self._until_all = _ALL_EVERY - 1
                 awake = self._all.awake()
-                if np.count_nonzero(awake) <= _MOST * len(awake):
+                if np.count_nonzero(awake) <= _MOST_AWAKE * len(awake):
                     self._part = Part(self._all, awake)
             some = min(times, self._until_all)
             sweeps = self._all if self._part is None else self._part.sweeps
@@ -163,16 +163,16 @@ class GridFlow:
             self._until_all -= some
 
     def _settle(self) -> None:
-        """Bring what was swept in parts back among all."""
+        """Copy the bricks that were swept as a part back."""
         if self._part is not None:
             self._part.give_back(self._all)
             self._part, self._until_all = None, 0
 
     def bound(self) -> float:
-        """The size of the flow, less what gets lost on the way: no cut costs less.
+        """Compute the size of the flow, less the losses on its way: no cut costs less.
 
-        Σ f Dψ = Σ ψ(v) surplus(v) over all voxels v; the least of that over all ψ is what arrives at hot
-        voxels, and at free ones whatever is negative.
+        Σ f Dψ = Σ ψ(v) surplus(v) over all voxels v. The least of that over all ψ is the surplus of the hot
+        voxels plus all negative ones of free voxels.
         """
         self._settle()
         total = self._settled
@@ -184,8 +184,8 @@ class GridFlow:
             total += self._all.groups.lost(self._all.filled)
         return total
 
-    def look(self) -> Seen:
-        """What the potential says now."""
+    def look(self) -> PotentialState:
+        """Cut the potential where that is cheapest, and measure how far the heat has gathered."""
         self._settle()
         everything = self._all
         at, before = everything.at, self._before
@@ -213,7 +213,7 @@ class GridFlow:
         cuts = np.cumsum(tally)[:-1] + self._settled
         ties = np.flatnonzero(cuts <= (1 + 1e-9) * cuts.min() + 1e-14 * cuts.max())
         best = int(ties[np.argmin(np.abs(ties - (_THRESHOLDS - 1) / 2))])
-        return Seen(
+        return PotentialState(
             cut=float(cuts[best]),
             threshold=(best + 0.5) / _THRESHOLDS,
             objective=objective / float(HOT) + self._settled,

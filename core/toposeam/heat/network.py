@@ -5,7 +5,7 @@ node ``n + 1`` *hot* (1). Element ``e`` joins nodes ``tail[e]`` and ``head[e]`` 
 steady state obeys K θ = F (thesis 3.6) with K assembled from the two-node element matrix k [[1, -1], [-1, 1]]
 (3.11).
 
-The assembly is a fixed template: where each element lands in the matrix is worked out once per network, so
+The assembly is a fixed template: the place of each element in the matrix is computed once per network, so
 that a new set of conductances costs two passes over the elements and one factorisation
 (:mod:`toposeam.heat.elimination`). Direct solution only: late in the optimisation conductances differ by nine
 orders of magnitude, where iterative solvers stall.
@@ -56,7 +56,7 @@ class Network:
 
     @cached_property
     def _ends(self) -> tuple[tuple[AnyInts, AnyInts], tuple[AnyInts, AnyInts]]:
-        """For the cold and the hot terminal: the elements that join it to a free node, and that node."""
+        """The elements that join free nodes to the cold terminal, with these nodes; likewise the hot one."""
         low, high = np.minimum(self.tail, self.head), np.maximum(self.tail, self.head)
         cold, hot = (np.flatnonzero((high == terminal) & (low < self.n)) for terminal in (self.n, self.n + 1))
         return (cold, low[cold]), (hot, low[hot])
@@ -73,13 +73,11 @@ class Network:
 
     @property
     def repeatable(self) -> bool:
-        """Whether every solution is the same to the last bit, however many there were before; otherwise only
-        from the second one on.
-        """
+        """True if every solution is the same to the last bit; otherwise that holds from the second one on."""
         return self._system.repeatable
 
     def solve(self, conductance: Floats) -> Floats:
-        """Temperatures for the given conductances.
+        """Solve for the temperatures at given conductances.
 
         Parameters
         ----------
@@ -105,7 +103,9 @@ class Network:
         return temperature
 
     def factor(self, conductance: Floats) -> Factor:
-        """What turns the heat that enters at each free node, (n,), into temperatures (n,), with both
+        """Factorise the network at given conductances.
+
+        Returns a solver from the heat that enters at each free node, (n,), to temperatures (n,), with both
         terminals at 0.
 
         Parameters
@@ -121,14 +121,14 @@ class Network:
         return self._system.factor(conductance.take(self._inner), diagonal[:-2])
 
     def surplus(self, flow: Floats) -> Floats:
-        """Net flow into every free node, (n,), of a flow (E,) counted from tail to head."""
+        """Sum a flow (E,), counted from tail to head, to the net flow into every free node, (n,)."""
         return (self._sums(self.head, flow) - self._sums(self.tail, flow))[:-2]
 
     def _sums(self, node: AnyInts, values: Floats) -> Floats:
         return np.bincount(node, values, self.n + 2).astype(np.float64, copy=False)
 
     def difference(self, temperature: Floats) -> Floats:
-        """Temperature difference |θ_head - θ_tail| of every element, (E,) floats."""
+        """Compute the temperature difference |θ_head - θ_tail| of every element, (E,) floats."""
         return np.abs(temperature.take(self.head) - temperature.take(self.tail))
 
     def components(self, joined: npt.NDArray[np.bool_]) -> AnyInts:
@@ -164,7 +164,7 @@ class Network:
         return group
 
     def quotient(self, group: AnyInts) -> tuple[Network, AnyInts]:
-        """The network between groups of nodes, in which parallel elements are one.
+        """Build the network between groups of nodes, in which parallel elements are one.
 
         Parameters
         ----------

@@ -35,7 +35,7 @@ MOST_ITERATIONS = 60
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Temperature:
-    """A steady state."""
+    """The steady state of a plate."""
 
     #: Temperatures of the (h + 1, w + 1) nodes.
     nodes: Floats
@@ -48,7 +48,7 @@ class Temperature:
 
 
 class Plate:
-    """Where heat comes from, where it goes, and how the border is joined.
+    """A plate of square elements with heat sources, convection and a border that may be joined to itself.
 
     Parameters
     ----------
@@ -118,8 +118,10 @@ class Plate:
         max_iterations: int = MOST_ITERATIONS,
         energy: float = 0.0,
     ) -> Temperature:
-        """The steady state for (h, w) conductivities, all positive, from an optional guess (the nodes of
-        another state); `tolerance` and `energy` are those of `conjugate_gradients`.
+        """Compute the steady state for (h, w) conductivities, all positive.
+
+        `start` is an optional guess, the nodes of another state; `tolerance` and `energy` are those of
+        `conjugate_gradients`.
         """
         system = self._stencil(conductivity)
         elements = np.concatenate([conductivity.reshape(-1, *self.shape), self.convection[np.newaxis]])
@@ -137,9 +139,10 @@ class Plate:
         )
 
     def energy(self, nodes: Floats) -> Floats:
-        """θ_eᵀ K⁰ θ_e of every element, (h, w), for (h + 1, w + 1) temperatures.
+        """Compute θ_eᵀ K⁰ θ_e of every element, (h, w), for (h + 1, w + 1) temperatures.
 
-        A sixth of the squared differences along the four sides plus a third of those along the two diagonals.
+        It is a sixth of the squared differences along the four sides plus a third of those along the two
+        diagonals.
         """
         across = np.square(nodes[:, 1:] - nodes[:, :-1])
         down = np.square(nodes[1:] - nodes[:-1])
@@ -153,7 +156,7 @@ class Plate:
         return energy
 
     def _nodal(self, values: Floats) -> Floats:
-        """Element values shared equally among their corners, (h + 1, w + 1)."""
+        """Share element values equally among their corners, (h + 1, w + 1)."""
         h, w = self.shape
         nodes = np.zeros((h + 1, w + 1))
         quarter = values * 0.25
@@ -164,7 +167,7 @@ class Plate:
         return nodes
 
     def _stencil(self, k: Floats) -> Stencil:
-        """As `stencil` of `plate_multigrid`, with the constants of the square element."""
+        """Assemble the matrix as `stencil` of `plate_multigrid`, with the constants of the square element."""
         h, w = self.shape
         total = self._nodal(k)
         diagonal = total * (8 / 3)

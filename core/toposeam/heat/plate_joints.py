@@ -1,8 +1,8 @@
-r"""How the border of a plate is joined to itself, as groups of border nodes that share one temperature.
+r"""Joints of the border of a plate to itself, as groups of border nodes that share one temperature.
 
-A plate of h × w elements has (h + 1) × (w + 1) nodes. Where motifs lie side by side, what leaves one enters
-the next, so the temperature of some border nodes is that of others: θ = Tθ' (thesis 4.8). The joints are
-those of the thesis, plus the one of a compound motif:
+A plate of h × w elements has (h + 1) × (w + 1) nodes. Where motifs lie side by side, heat that leaves one
+enters the next, so the temperature of some border nodes is that of others: θ = Tθ' (thesis 4.8). The joints
+are those of the thesis, plus the one of a compound motif:
 
 - ``free``: no joint; the border is insulated, as a mirror is (Figure 4.1);
 - ``translate``: right is left and bottom is top (4.6), a torus;
@@ -34,7 +34,7 @@ class Joint(StrEnum):
     ROTATE = "rotate"
 
     def fits(self, shape: tuple[int, int]) -> bool:
-        """Whether a plate of that many elements can be joined so."""
+        """Return whether a plate of `shape` elements can be joined in this way."""
         h, w = shape
         if self is Joint.FREE:
             return True
@@ -51,7 +51,7 @@ class Shift:
     share: Fraction
 
     def fits(self, shape: tuple[int, int]) -> bool:
-        """Whether a plate of that many elements can be joined so."""
+        """Return whether a plate of `shape` elements can be joined in this way."""
         return shape[self.axis] % self.share.denominator == 0 and min(shape) >= 3 and shape[self.axis] >= 6
 
 
@@ -99,14 +99,14 @@ class Groups:
             values[self.nodes] *= self.share.astype(values.dtype)
 
     def dot(self, a: npt.NDArray[np.floating], b: npt.NDArray[np.floating]) -> float:
-        """Inner product that counts each group once, of flat arrays equal within groups."""
+        """Compute the inner product of flat arrays that are equal within groups, counting each group once."""
         total = float(a @ b)
         if self._groups:
             total -= float(np.sum(a[self.nodes] * b[self.nodes] * (1.0 - self.share)))
         return total
 
     def numbering(self, count: int) -> tuple[Ints32, int]:
-        """The number of every node's independent temperature θ', (N,) ints, and how many there are."""
+        """Number the independent temperatures θ': the number of every node's, (N,) ints, and their count."""
         leader = np.arange(count)
         if self._groups:
             first = np.full(self._groups, count)
@@ -119,7 +119,7 @@ class Groups:
 def _pairs(
     shape: tuple[int, int], joint: Joint | Shift
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Pairs of border nodes with the same temperature."""
+    """List the pairs of border nodes with the same temperature."""
     h, w = shape
     node = np.arange((h + 1) * (w + 1)).reshape(h + 1, w + 1)
     pairs: list[tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]] = []

@@ -13,7 +13,7 @@ only where the border is free; elsewhere coarsening ends there.
                          33
 
 *Smoothing.* Two damped Jacobi sweeps before and two after, with the dampings of the Chebyshev polynomial of
-degree two. The largest eigenvalue of D⁻¹K is at most that of an element, 3/2 for a square, whatever the
+degree two. The largest eigenvalue of D⁻¹K is at most that of an element, 3/2 for a square, at any
 contrast. Sweeps run in single precision, the conjugate gradients around them in double.
 """
 
@@ -34,21 +34,22 @@ from toposeam.heat.plate_joints import Groups, Joint, Shift
 
 #: The ten entries of a symmetric 4 × 4 element matrix.
 ENTRIES = [(a, b) for a in range(4) for b in range(a, 4)]
-#: Levels are added until a plate has no more nodes than this.
+#: Most nodes of the coarsest level, where the plate can be coarsened so far.
 _COARSEST_NODES = 400
-#: Coarsest systems up to this size are factorised as dense matrices.
+#: Most unknowns of a system that is factorised as a dense matrix.
 _DENSE_NODES = 500
 
 
 def pack(matrix: Floats) -> Floats:
-    """The ten entries of a symmetric 4 × 4 matrix."""
+    """Return the ten entries of a symmetric 4 × 4 matrix."""
     return np.array([matrix[a, b] for a, b in ENTRIES])
 
 
 @lru_cache(maxsize=1)
 def _galerkin() -> Floats:
-    """For each of the 2 × 2 children, the map of its ten entries on those of the coarse element: (4,
-    10, 10).
+    """Compute the maps from the ten entries of each of 2 × 2 children to those of the coarse element.
+
+    Returns a (4, 10, 10) array.
     """
     maps = np.zeros((4, len(ENTRIES), len(ENTRIES)))
     for child in range(4):
@@ -66,7 +67,7 @@ def _galerkin() -> Floats:
 
 
 def coarsen(elements: npt.NDArray[np.floating], patterns: Floats) -> Floats:
-    """Element matrices of the next coarser plate.
+    """Compute the element matrices of the next coarser plate.
 
     Parameters
     ----------
@@ -107,7 +108,7 @@ class Stencil:
         self.nodes_across = couplings[0].shape[1]
 
     def matrix(self, dtype: type[np.floating]) -> dia_array:
-        """The matrix before border nodes are joined."""
+        """Assemble the matrix before border nodes are joined."""
         diagonal, right, down, falling, rising = self.couplings
         n, w = diagonal.size, self.nodes_across
         offsets = np.array([0, -1, 1, -w, w, -w - 1, w + 1, -(w - 1), w - 1])
@@ -117,13 +118,13 @@ class Stencil:
             flat = values.ravel()
             data[1 + 2 * row] = flat
             data[2 + 2 * row, offset:] = flat[: n - offset]
-        flat = rising.ravel()  # held at the upper left corner of its element: joins node + 1 to node + w
+        flat = rising.ravel()  # stored at the upper left corner of its element: joins node + 1 to node + w
         data[7, 1:] = flat[: n - 1]
         data[8, w:] = flat[: n - w]
         return dia_array((data, offsets), shape=(n, n))
 
     def diagonal(self) -> Floats:
-        """Of the joined matrix, (N,) floats."""
+        """Compute the diagonal of the joined matrix, (N,) floats."""
         values: Floats = self.couplings[0].ravel().copy()
         self.groups.gather(values)
         return values
@@ -173,7 +174,7 @@ class DirectSolver:
             ) from error
 
     def solve(self, load: npt.NDArray[np.floating]) -> Floats:
-        """Temperatures of all nodes for a load that is equal within groups."""
+        """Solve for the temperatures of all nodes, for a load that is equal within groups."""
         reduced = load[self._first].astype(np.float64)
         theta: Floats = cho_solve(self._factor, reduced) if self._dense else self._factor.solve(reduced)
         return theta[self._number]
@@ -191,14 +192,14 @@ class PlateLevel:
         ).astype(np.float32)
 
     def residual(self, load: Floats32, theta: Floats32) -> Floats32:
-        """Load - K'θ."""
+        """Compute load - K'θ."""
         product: Floats32 = self.matrix @ theta
         self.groups.gather(product)
         np.subtract(load, product, out=product)
         return product
 
     def first_sweeps(self, load: Floats32) -> Floats32:
-        """Two sweeps from zero."""
+        """Run two sweeps from zero."""
         step = self._jacobi * load
         theta = step * DAMPING[0]
         step = self.residual(load, theta)
@@ -208,7 +209,7 @@ class PlateLevel:
         return theta
 
     def last_sweeps(self, load: Floats32, theta: Floats32) -> None:
-        """Two sweeps, in place, in the opposite order."""
+        """Run two sweeps, in place, in the opposite order."""
         for damping in reversed(DAMPING):
             step = self.residual(load, theta)
             step *= self._jacobi
@@ -216,7 +217,7 @@ class PlateLevel:
             theta += step
 
     def restrict(self, residual: Floats32, coarse: PlateLevel) -> Floats32:
-        """Pᵀ, joined: the residual on the next coarser plate."""
+        """Apply Pᵀ, joined: the residual on the next coarser plate."""
         self.groups.once(residual)
         (h, w), (ch, cw) = self.shape, coarse.shape
         fine = residual.reshape(h + 1, w + 1)
@@ -235,7 +236,7 @@ class PlateLevel:
         return flat
 
     def prolong(self, theta: Floats32, coarse: PlateLevel) -> Floats32:
-        """P: a correction from the next coarser plate."""
+        """Apply P to a correction of the next coarser plate."""
         (h, w), (ch, cw) = self.shape, coarse.shape
         field = theta.reshape(ch + 1, cw + 1)
         down = np.empty((2 * ch + 1, cw + 1), np.float32)
@@ -251,7 +252,7 @@ class PlateLevel:
 
 
 class Hierarchy:
-    """All shapes and joints of a plate's levels, worked out once."""
+    """The shapes and joints of all levels of a plate."""
 
     def __init__(self, shape: tuple[int, int], joint: Joint | Shift) -> None:
         self.shapes, self.groups = [shape], [Groups(shape, joint)]
@@ -274,7 +275,7 @@ class Multigrid:
     elements : (P, h, w) float array
         Coefficients of the element matrices.
     patterns : (10, P) float array
-        What they are coefficients of.
+        The element matrices that the coefficients multiply.
     hierarchy : Hierarchy
     """
 
@@ -295,7 +296,7 @@ class Multigrid:
         return DirectSolver(self._coarsest)
 
     def cycle(self, load: Floats32, depth: int = 0) -> Floats32:
-        """One V-cycle for a joined load, from zero."""
+        """Run one V-cycle for a joined load, from zero."""
         if depth == len(self._levels):
             return self._direct.solve(load).astype(np.float32)
         level = self._levels[depth]
@@ -315,7 +316,7 @@ class Multigrid:
         max_iterations: int,
         energy: float = 0.0,
     ) -> Solved:
-        """Temperatures for a joined load.
+        """Solve for the temperatures of a joined load.
 
         Parameters
         ----------

@@ -10,7 +10,7 @@ triangles::
 
 Rhombi are not turned into rhombi by 60°, but nodes are turned into nodes and triangles into triangles. The
 conduction matrix of an equilateral triangle with linear shape functions couples each pair of corners by -k /
-(2√3), whatever its size.
+(2√3), for any size.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from toposeam.heat.plate import Plate
 from toposeam.heat.plate_joints import Joint
 from toposeam.heat.plate_multigrid import Stencil, pack
 
+#: Coupling of two corners of a triangle with k = 1.
 _COUPLING = 1 / (2 * np.sqrt(3.0))
 
 
@@ -37,7 +38,7 @@ _AT_FIRST_CORNER = np.diag([1.0, 0, 0, 0])
 
 
 class TrianglePlate(Plate):
-    """As :class:`~toposeam.heat.plate.Plate`, but with values at nodes.
+    """A :class:`~toposeam.heat.plate.Plate` of triangles, with heat and convection at nodes.
 
     Parameters
     ----------
@@ -53,7 +54,7 @@ class TrianglePlate(Plate):
         super().__init__(heat, convection, Joint.TRANSLATE)
 
     def energy(self, nodes: Floats) -> Floats:
-        """θᵀ K⁰ θ of both triangles of every rhombus, (2, h, w)."""
+        """Compute θᵀ K⁰ θ of both triangles of every rhombus, (2, h, w)."""
         across, down = np.square(nodes[:, 1:] - nodes[:, :-1]), np.square(nodes[1:] - nodes[:-1])
         diagonal = np.square(nodes[1:, 1:] - nodes[:-1, :-1])
         energy: Floats = np.stack(
@@ -63,7 +64,7 @@ class TrianglePlate(Plate):
         return energy
 
     def _nodal(self, values: Floats) -> Floats:
-        """Values of the torus's nodes on (h + 1) × (w + 1) nodes, each held once."""
+        """Place values of the torus's nodes on (h + 1) × (w + 1) nodes, each once."""
         return np.pad(values, ((0, 1), (0, 1)))
 
     def _stencil(self, conductivity: Floats) -> Stencil:

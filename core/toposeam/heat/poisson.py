@@ -1,8 +1,8 @@
-"""Poisson's equation on grids, solved directly: steps that are unwanted, spread as smoothly as can be.
+"""Poisson's equation on grids, solved directly: unwanted steps are spread as smoothly as possible.
 
-Of all corrections c the one is found that minimises Σ w (c(q) - c(p) + d(p, q))² over neighbours p, q, where
-d is the step between them that is too much. Its divergence is the *source*. Cosine transforms decouple the
-axes that end, Fourier's that of a cycle, so that the answer is exact to rounding, in O(n log n).
+The correction c minimises Σ w (c(q) - c(p) + d(p, q))² over neighbours p, q, where d is the unwanted step
+between them. The divergence of d is the *source*. Cosine transforms decouple axes that end, Fourier
+transforms axes that wrap, so that the solution is exact to rounding, in O(n log n).
 """
 
 from __future__ import annotations
@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-#: Rows that are divided at a time: what all are divided by takes more memory than they.
-_ROWS = 64
-#: Conjugate gradients end when the error, in their norm, has fallen so far, or after so many steps.
-_SETTLED, _MOST_STEPS = 1e-4, 300
+#: Rows that are divided at a time: the divisors of all rows would take more memory than the rows.
+_BLOCK_ROWS = 64
+#: Error, as a share of the first one in the preconditioned norm, at which conjugate gradients end; and their
+#: most steps.
+_TOLERANCE, _MOST_STEPS = 1e-4, 300
 
 
 def add_steps(
@@ -29,9 +30,9 @@ def add_steps(
     lower, upper : indices
         Of the two neighbours of every step; each place occurs at most once in either.
     step : array
-        By how much the upper one is too high above the lower one.
+        Unwanted height of the upper one above the lower one.
     weight : float
-        Of these steps among those along other axes.
+        Weight of these steps relative to those along other axes.
     """
     source[lower] += weight * step
     source[upper] -= weight * step
@@ -40,7 +41,7 @@ def add_steps(
 def spread(
     source: npt.NDArray[Any], width: float | None = None, wraps: tuple[bool, bool] = (False, False)
 ) -> npt.NDArray[Any]:
-    """The correction of a plane, of the same shape and dtype.
+    """Compute the correction of a plane, of the same shape and dtype.
 
     Parameters
     ----------
@@ -75,7 +76,7 @@ def spread(
     if screen == 0.0:
         spectrum[0, 0] = 0.0
         down[0] = np.finfo(float).tiny  # 0 / tiny: the mean stays
-    for rows in (slice(top, top + _ROWS) for top in range(0, height, _ROWS)):
+    for rows in (slice(top, top + _BLOCK_ROWS) for top in range(0, height, _BLOCK_ROWS)):
         spectrum[rows] /= down[rows, np.newaxis] + across + screen
     spectrum = fft.ifft(spectrum, axis=0, overwrite_x=True) if wraps[0] else spectrum
     values = (
@@ -88,7 +89,7 @@ def spread(
 def spread_within(
     source: npt.NDArray[np.float64], free: npt.NDArray[np.bool_], width: float | None = None
 ) -> npt.NDArray[np.float64]:
-    """The correction of a part of a plane; beside it the correction is 0.
+    """Compute the correction of a part of a plane; it is 0 elsewhere.
 
     Conjugate gradients, preconditioned by :func:`spread` on all of the plane: some sixty steps at most sizes
     of the part, each O(n log n).
@@ -122,7 +123,7 @@ def spread_within(
     direction = better = precondition(residual)
     error = first = float(np.vdot(residual, better))
     for _ in range(_MOST_STEPS):
-        if error <= _SETTLED**2 * first:
+        if error <= _TOLERANCE**2 * first:
             break
         pull = _second_differences(direction)
         pull += screen * direction
@@ -137,7 +138,7 @@ def spread_within(
 
 
 def _second_differences(values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Each value's differences to its neighbours, summed."""
+    """Sum each value's differences to its neighbours."""
     result = np.zeros_like(values)
     for axis in (0, 1):
         low, high = ((slice(None),) * axis + (part,) for part in (slice(None, -1), slice(1, None)))
@@ -148,10 +149,10 @@ def _second_differences(values: npt.NDArray[np.float64]) -> npt.NDArray[np.float
 
 
 def spread_in_cycle(source: npt.NDArray[Any], stiffness: float) -> npt.NDArray[Any]:
-    """The correction of frames of which the last one is followed by the first, in place.
+    """Compute, in place, the correction of frames of which the last one is followed by the first.
 
-    What is as wide as a wave of length λ, in px, fades within λ / 2π√stiffness frames of its step; a step of
-    whole frames is spread evenly over the cycle.
+    A correction as wide as a wave of length λ, in px, fades within λ / 2π√stiffness frames of its step; a
+    step of whole frames is spread evenly over the cycle.
 
     Parameters
     ----------
@@ -189,12 +190,12 @@ def spread_in_cycle(source: npt.NDArray[Any], stiffness: float) -> npt.NDArray[A
 
 
 def _cosines(length: int) -> npt.NDArray[np.float64]:
-    """What second differences do to the cosines of a line of so many places."""
+    """Compute the eigenvalues of second differences on a line of `length` places: those of its cosines."""
     values: npt.NDArray[np.float64] = 2 - 2 * np.cos(np.pi * np.arange(length) / length)
     return values
 
 
 def _waves(length: int) -> npt.NDArray[np.float64]:
-    """What second differences do to the waves of a cycle of so many places."""
+    """Compute the eigenvalues of second differences on a cycle of `length` places: those of its waves."""
     values: npt.NDArray[np.float64] = 2 - 2 * np.cos(2 * np.pi * np.arange(length) / length)
     return values

@@ -4,13 +4,13 @@ With potential ψ between 0 on the cold and 1 on the hot terminal, jump d = ψ(h
 element, the relaxed seam is the least of Σ M |d|; its dual is the largest flow f between the terminals with
 |f| ≤ M. Writing d = u - v with u, v ≥ 0, points near both optima satisfy u (M - f) = v (M + f) = μ for a
 small μ (the *central path*). One Newton step towards it is one heat network: element e conducts k = 1 / (u /
-(M - f) + v / (M + f)), and the heat that enters at the nodes is what the step has to even out. Where the flow
-leaves room, M - |f|, the potential becomes level; it jumps where the flow fills the elements: there is the
-seam. Mehrotra's predictor and corrector (1992, doi:10.1137/0802028) take two solutions with one
+(M - f) + v / (M + f)), and the heat that enters at the nodes is the imbalance that the step removes. Where
+the flow leaves room, M - |f|, the potential becomes level; it jumps where the flow fills the elements: there
+is the seam. Mehrotra's predictor and corrector (1992, doi:10.1137/0802028) take two solutions with one
 factorisation.
 
 *Nothing here knows of pictures*, nor of how many dimensions they have: nodes and elements are all there is.
-To divide anything else (voxels, superpixels, time) number what is free from 0 on, number what is decided n
+To divide anything else (voxels, superpixels, time) number the free nodes from 0 on and the fixed ones n
 (cold) or n + 1 (hot), give every pair of neighbours an element and its cost, merge parallel ones
 (:meth:`Network.quotient`), and step until the best cut is near enough to the bound::
 
@@ -22,7 +22,7 @@ To divide anything else (voxels, superpixels, time) number what is free from 0 o
 Every free node must be joined, through elements, to a terminal; BLAS should run on one thread
 (:func:`toposeam.heat.threads.one_thread`).
 
-*What is known at every step.* The flow is feasible, so its size is a lower bound on every seam. The potential
+*Bounds at every step.* The flow is feasible, so its size is a lower bound on every seam. The potential
 cut at any threshold is a seam. When the two meet, the seam is proven to be the best one, up to the tolerance.
 """
 
@@ -36,18 +36,18 @@ from toposeam.arrays import Floats
 from toposeam.errors import SolverError
 from toposeam.heat.network import Network
 
-#: Share of the way to the boundary that a step goes.
-_REACH = 0.99
-#: Share of the capacity that the first flow fills.
-_FILLED = 0.95
-#: μ of the first state, in shares of the mean of M |d|.
-_SPREAD = 0.25
-#: The first network conducts at most this many times as well as its median element.
-_DEAREST = 1e3
-#: An element counts as costing at least this share of a known seam, and at most so many times as much:
-#: conductances span the square of what costs do. At more than the seam itself, for were all elements of a
-#: chain to count alike, no potential would tell which of them is the cheapest.
-_LEAST, _MOST = 1e-7, 2.0
+#: Longest step, as a share of the way to the boundary of the feasible set.
+_LONGEST_STEP = 0.99
+#: Largest share of a capacity that the first flow fills.
+_FIRST_FILLING = 0.95
+#: μ of the first state, as a share of the mean of M |d|.
+_FIRST_MU = 0.25
+#: Largest conductance of the first network, as a multiple of the median cost.
+_FIRST_CONDUCTANCE = 1e3
+#: Bounds of an element's cost, as multiples of the cost of a known seam: conductances span the square of the
+#: range of costs. The upper one exceeds the seam itself, for if all elements of a chain cost the same, no
+#: potential would tell which of them is the cheapest.
+_LEAST_COST, _MOST_COST = 1e-7, 2.0
 #: Thresholds at which the potential is cut.
 _THRESHOLDS = 64
 
@@ -65,12 +65,14 @@ class PrimalDual:
     Attributes
     ----------
     cost : (E,) float64 array
-        M, kept between twice what a first seam costs and a ten-millionth of that. What a cut costs is
-        counted by what was given.
+        M, limited to between a ten-millionth and twice the cost of a first seam. Costs of cuts are computed
+        from the given values.
     potential : (n + 2,) float64 array
         ψ; between steps it may lie a little outside [0, 1].
     jump, flow : (E,) float64 arrays
         d and f, counted from tail to head.
+    bound : float
+        The size of the flow: no seam costs less.
     """
 
     def __init__(self, network: Network, cost: Floats) -> None:
@@ -78,10 +80,12 @@ class PrimalDual:
         hot = network.terminal_elements[1]
         self._hot, self._into = hot, np.where(network.head[hot] == network.n + 1, 1.0, -1.0)
         self.cost = self._given = cost
-        # Where no seam will run the network need not conduct beyond what double precision can tell from the
-        # rest. An element that costs more than a known seam is in no better one, and next to nothing is as
-        # good as nothing.
-        limit = _DEAREST * float(np.median(cost)) if cost.max() > _DEAREST * cost.mean() else np.inf
+        # Beside very large conductances double precision would lose the others, and where no seam will run
+        # they are not needed: an element that costs more than a known seam is in no better one. Nor does it
+        # matter how much less than the seam a very cheap element costs.
+        limit = np.inf
+        if cost.max() > _FIRST_CONDUCTANCE * cost.mean():
+            limit = _FIRST_CONDUCTANCE * float(np.median(cost))
         while True:
             conductance = np.minimum(cost, limit)
             self.potential = network.solve(conductance)
@@ -90,32 +94,32 @@ class PrimalDual:
                 break
             limit = known
         if known > 0:
-            self.cost = np.clip(cost, _LEAST * known, _MOST * known)
+            self.cost = np.clip(cost, _LEAST_COST * known, _MOST_COST * known)
         self.jump = self._jumps(self.potential)
         # Heat flow through these conductances is k d; scaled it fits the capacities.
         flow = conductance * self.jump
         fullest = float((np.abs(flow) / self.cost).max())
-        self.flow = flow * (_FILLED / fullest if fullest > 0 else 0.0)
+        self.flow = flow * (_FIRST_FILLING / fullest if fullest > 0 else 0.0)
+        self.bound = self._flow_size()
         self._split(
-            _SPREAD * float(self.cost @ np.abs(self.jump)) / len(cost) / self.cost + np.finfo(float).tiny
+            _FIRST_MU * float(self.cost @ np.abs(self.jump)) / len(cost) / self.cost + np.finfo(float).tiny
         )
 
     def _split(self, least: Floats) -> None:
-        """Set u and v: their difference is the jump, the smaller one is given."""
+        """Set u and v, whose difference is the jump, and the smaller of which is given."""
         self._up, self._down = np.maximum(self.jump, 0.0) + least, np.maximum(-self.jump, 0.0) + least
 
     def _jumps(self, potential: Floats) -> Floats:
         jump: Floats = potential.take(self.network.head) - potential.take(self.network.tail)
         return jump
 
-    @property
-    def bound(self) -> float:
-        """The size of the flow: no seam costs less."""
+    def _flow_size(self) -> float:
         return float(self.flow.take(self._hot) @ self._into)
 
     def best_cut(self) -> tuple[float, float]:
-        """The cheapest cut of the potential: its cost, and the threshold above which nodes are hot; of
-        equals, the middle one.
+        """Find the cheapest cut of the potential: its cost, and the threshold above which nodes are hot.
+
+        Of equally cheap cuts the one nearest to the middle is taken.
         """
         scaled = np.minimum(np.maximum(self.potential, 0.0), 1.0)  # np.clip takes longer on small networks
         scaled *= _THRESHOLDS
@@ -130,13 +134,13 @@ class PrimalDual:
         best = int(ties[0] if len(ties) == 1 else ties[np.argmin(np.abs(ties - (_THRESHOLDS - 1) / 2))])
         return float(costs[best]), (best + 0.5) / _THRESHOLDS
 
-    @np.errstate(divide="ignore", invalid="ignore", over="ignore")  # what is not finite is refused below
+    @np.errstate(divide="ignore", invalid="ignore", over="ignore")  # refused below if not finite
     def step(self) -> None:
-        """One Newton step.
+        """Take one Newton step.
 
         Two free nodes that are joined to each other (cost 1), to the cold terminal (1 and 5) and to the hot
         one (5 and 1.5). Of the four cuts, 1 + 1 + 1.5 = 3.5 is the best: the first node hot, the second cold.
-        The first network's potential says so already; each step raises what is proven, and the heat gathers
+        The first network's potential says so already; each step raises the bound, and the heat gathers
         until the potential is the cut:
 
         >>> tail, head = np.array([2, 2, 0, 0, 1]), np.array([0, 1, 1, 3, 3])
@@ -152,20 +156,20 @@ class PrimalDual:
         Raises
         ------
         SolverError
-            When the factorisation breaks down, or what it gives is not finite.
+            When the factorisation breaks down, or its solution is not finite.
         """
         up, down, flow, jump = self._up, self._down, self.flow, self.jump
         left_up, left_down = self.cost - flow, self.cost + flow
         conductance = 1.0 / (up / left_up + down / left_down)
         solve = self.network.factor(conductance)
-        # Predictor: straight at μ = 0. x and y are the changes of f relative to the room that is left either
-        # way.
+        # Predictor: straight at μ = 0. x and y are the changes of f relative to the capacity that is left in
+        # either direction.
         change = np.zeros(len(self.potential))
         change[:-2] = solve(self.network.surplus(-conductance * jump - flow))
         more = (self._jumps(change) + jump) * conductance
         x, y = more / left_up, more / left_down
         slow, fast = min(float(x.min()), -float(y.max())), max(float(x.max()), -float(y.min()))
-        primal, dual = _share(1.0 - slow), _share(fast)
+        primal, dual = _step_length(1.0 - slow), _step_length(fast)
         product_up, product_down = up * left_up, down * left_down
         gap = float(product_up.sum() + product_down.sum())
         linear = float(product_up @ x - product_down @ y)
@@ -182,10 +186,10 @@ class PrimalDual:
         more = (self._jumps(change) - wanted) * conductance
         x, y = more / left_up, more / left_down
         more_up, more_down = toward_up + up * (x - 1.0), toward_down - down * (y + 1.0)
-        primal = _share(-min(float((more_up / up).min()), float((more_down / down).min())))
+        primal = _step_length(-min(float((more_up / up).min()), float((more_down / down).min())))
         fastest = max(float(x.max()), -float(y.min()))
-        dual = _share(fastest)
-        # Whatever is not finite is so in x and y, too.
+        dual = _step_length(fastest)
+        # Where a value is not finite, x or y is not, either.
         if not isfinite(fastest) and not (np.isfinite(change).all() and np.isfinite(more).all()):
             raise SolverError(
                 "the heat network cannot be solved: its conductances are too far apart", kind="unsolved"
@@ -194,8 +198,9 @@ class PrimalDual:
         self._up, self._down = up + primal * more_up, down + primal * more_down
         self.jump = self._jumps(self.potential)
         self.flow = flow + dual * more
+        self.bound = self._flow_size()
 
 
-def _share(fastest: float) -> float:
-    """How far a step may go, at most 1, when what must stay positive falls by up to this share."""
-    return 1.0 if fastest <= _REACH else _REACH / fastest
+def _step_length(fastest: float) -> float:
+    """Compute the length of a step, at most 1, when positive variables fall by up to the share `fastest`."""
+    return 1.0 if fastest <= _LONGEST_STEP else _LONGEST_STEP / fastest

@@ -12,13 +12,14 @@ import numpy.typing as npt
 from toposeam.arrays import Floats, Floats32, Indices, Mask
 from toposeam.heat.bricks import HIGH, LOW, Bricks, along
 
-#: s: how far the hot terminal's temperature is from the cold one's, in steps that fill a conductor.
+#: s: the temperature of the hot terminal, where that of the cold one is 0 and a difference of 1 fills a
+#: conductor in one step.
 HOT = np.float32(0.15)
 #: τ Σ M; below 2/3 the sweeps converge.
-_PACE = np.float32(0.65)
-#: Bricks of about so many voxels together are worked on at once, in a processor's cache.
-_AT_ONCE = 1 << 17
-#: A brick is awake when a temperature in it, or right beside it, moved by more than this share of s.
+_STEP_SIZE = np.float32(0.65)
+#: Voxels, about, of the bricks that are swept at a time, so that they fit a processor's cache.
+_BLOCK_VOXELS = 1 << 17
+#: Least change of a temperature, as a share of s, that keeps its brick and those beside it awake.
 _MOVED = 1e-6
 FIRST, LAST = slice(1), slice(-1, None)
 
@@ -33,7 +34,7 @@ class Merged:
 
 
 class Sweeps:
-    """Bricks that are swept, and how."""
+    """Bricks that are swept, with their temperatures and flows."""
 
     def __init__(
         self,
@@ -57,24 +58,24 @@ class Sweeps:
             np.zeros((len(ahead), *(1 if k == axis else n for k, n in enumerate(self.side))), np.float32)
             for axis in range(len(self.side))
         ]
-        self._step = max(1, _AT_ONCE // int(np.prod(self.side)))
-        # All chunks work in the same two arrays, which stay in the cache.
+        self._step = max(1, _BLOCK_VOXELS // int(np.prod(self.side)))
+        # All chunks share two arrays, which stay in the cache.
         self._scratch = np.empty((2, min(self._step, self.count), *self.side), np.float32)
 
     def chunks(self) -> Iterator[slice]:
-        """The bricks that are swept, as many at once as fit into the cache."""
+        """Yield the bricks that are swept, as many at a time as fit into the cache."""
         for start in range(0, self.count, self._step):
             yield slice(start, min(start + self._step, self.count))
 
     def set_rates(self, free: Mask) -> None:
-        """τ = 1 / (2 Σ M), and 0 where the temperature is held."""
+        """Set τ = 0.65 / Σ M, and 0 where the temperature is fixed."""
         for here in self.chunks():
             total, cost = self._scratch[:, : here.stop - here.start]
             for axis, part in enumerate(self.cost):
                 cost[...] = part[here]
                 self._arrive(np.add, axis, here, cost, total)
             moves = free[here] & (total > 0)
-            np.divide(_PACE, total, out=self.rate[here], where=moves)
+            np.divide(_STEP_SIZE, total, out=self.rate[here], where=moves)
 
     def sweep(self) -> None:
         """Let the heat move on by one step."""
@@ -98,7 +99,7 @@ class Sweeps:
             self.groups.move(self.filled, self.at, self.ahead)
 
     def awake(self) -> npt.NDArray[np.bool_]:
-        """(n,) bool: bricks in which the last sweep moved something, and those next to it."""
+        """Return the bricks in which the last sweep moved something, and those next to it, (n,) bool."""
         result = np.zeros(len(self.ahead), bool)
         for here in self.chunks():
             moved = np.abs(self.ahead[here] - self.at[here]) > _MOVED * HOT
@@ -113,7 +114,7 @@ class Sweeps:
         return awake
 
     def surplus(self) -> Iterator[tuple[slice, Floats32]]:
-        """What the flow brings to every voxel and does not carry on, chunk by chunk."""
+        """Yield the net flow into every voxel, chunk by chunk."""
         for here in self.chunks():
             surplus, flow = self._scratch[:, : here.stop - here.start]
             for axis, (filled, cost) in enumerate(zip(self.filled, self.cost, strict=True)):
@@ -122,17 +123,17 @@ class Sweeps:
             yield here, surplus
 
     def above(self, values: Floats32, axis: int, here: slice) -> Floats32:
-        """What the next voxels along an axis have."""
+        """Return the values of the next voxels along an axis."""
         own, result = values[here], np.empty((here.stop - here.start, *self.side), values.dtype)
         result[along(axis + 1, LOW)] = own[along(axis + 1, HIGH)]
         result[along(axis + 1, LAST)] = values[along(axis + 1, FIRST)][self.upper[axis][here]]
         return result
 
     def _rise(self, axis: int, here: slice, out: Floats32) -> None:
-        """Dψ̄, from every voxel to the next one along an axis."""
+        """Compute Dψ̄, from every voxel to the next one along an axis."""
         own = self.ahead[here]
         if axis == len(self.side) - 1:
-            # Of short rows all at once; the ends of rows are set right below.
+            # Short rows all at once; differences at the ends of rows are corrected below.
             row, difference = own.reshape(-1), out.reshape(-1)
             np.subtract(row[1:], row[:-1], out=difference[:-1])
         else:
@@ -142,8 +143,10 @@ class Sweeps:
         np.subtract(beyond, own[last], out=out[last])
 
     def _arrive(self, leave: np.ufunc, axis: int, here: slice, flow: Floats32, surplus: Floats32) -> None:
-        """Take the flow along an axis from (or add it to) the surplus of the voxels that it leaves, and add
-        it to that of those where it arrives; the flow is lost.
+        """Add the flow along an axis to the surplus of the voxels where it arrives.
+
+        From the surplus of the voxels that it leaves it is taken (`leave` is subtract), or also added to it
+        (add). The flow is overwritten.
         """
         first, last = along(axis + 1, FIRST), along(axis + 1, LAST)
         self.leaving[axis][here] = flow[last]
@@ -164,7 +167,7 @@ class Sweeps:
 
 
 class Part:
-    """The bricks that are awake, copied out, with what those beyond them say."""
+    """A copy of the bricks that are awake, with the temperatures and flows of resting bricks beside them."""
 
     def __init__(self, everything: Sweeps, awake: npt.NDArray[np.bool_]) -> None:
         self._own = np.flatnonzero(awake)
@@ -192,7 +195,7 @@ class Part:
             leaving[...] = everything.filled[axis][last][rows] * everything.cost[axis][last][rows]
 
     def give_back(self, everything: Sweeps) -> None:
-        """Put what the sweeps made of the bricks back in their places."""
+        """Copy the swept bricks back to their places."""
         everything.at[self._own] = self.sweeps.at
         everything.ahead[self._own] = self.sweeps.ahead[: len(self._own)]
         for all_of_them, part in zip(everything.filled, self.sweeps.filled, strict=True):
@@ -211,7 +214,7 @@ class MergedMoves:
 
     @classmethod
     def posed(cls, merged: Merged | None, cost: Sequence[Floats32], bricks: Bricks) -> MergedMoves | None:
-        """The groups of a grid that is cut into bricks."""
+        """Build the groups of a grid that is cut into bricks; None without merged voxels."""
         if merged is None:
             return None
         count = int(merged.group.max()) + 1
@@ -227,12 +230,12 @@ class MergedMoves:
                 costs, group = costs[joins], merged.group[inside][joins]
                 total += np.bincount(group, costs, count)
                 flat = np.ravel_multi_index(tuple(index[joins] for index in owner), bricks.shape)
-                faces.append(_Faces(axis, bricks.at(flat), group, sign * costs))
-        rate = np.divide(_PACE, total, out=np.zeros(count), where=total > 0)
-        return cls(bricks.at(merged.voxel), merged.group, int(np.prod(bricks.side)), faces, rate)
+                faces.append(_Faces(axis, bricks.flat_index(flat), group, sign * costs))
+        rate = np.divide(_STEP_SIZE, total, out=np.zeros(count), where=total > 0)
+        return cls(bricks.flat_index(merged.voxel), merged.group, int(np.prod(bricks.side)), faces, rate)
 
     def renumbered(self, number: Indices) -> MergedMoves:
-        """The same where bricks have other numbers."""
+        """Return the same groups where bricks have other numbers."""
 
         def moved(place: Indices) -> Indices:
             return number[place // self._size] * self._size + place % self._size
@@ -244,14 +247,14 @@ class MergedMoves:
         """Let every group move on by one step."""
         surplus = self._surplus(filled)
         before = at.reshape(-1)[self.voxel]
-        # Every voxel of a group has the same temperature; the mean tells it whatever came before.
+        # All voxels of a group have one temperature; they may differ at the start, hence the mean.
         mean = np.bincount(self.group, before) / np.bincount(self.group)
         after = np.clip(mean - self._rate * surplus, 0, HOT)[self.group].astype(np.float32)
         at.reshape(-1)[self.voxel] = after
         ahead.reshape(-1)[self.voxel] = 2 * after - before
 
     def lost(self, filled: Sequence[Floats32]) -> float:
-        """What the flow brings to the groups where it is negative."""
+        """Sum the negative net flows into groups."""
         return float(np.minimum(self._surplus(filled), 0).sum())
 
     def _surplus(self, filled: Sequence[Floats32]) -> Floats:

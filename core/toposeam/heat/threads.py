@@ -1,4 +1,4 @@
-"""Small solutions run on one BLAS thread: more are up to a hundred times slower when the machine is busy."""
+"""One BLAS thread for small systems: with more they take up to a hundred times as long on a busy machine."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an optimisation did, iteration by iteration, and why it stopped."""
+"""The history of an optimisation, iteration by iteration, and the reason why it stopped."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 
 class Termination(StrEnum):
-    """Why a method returned.
+    """The reason why a method stopped.
 
     Examples
     --------
@@ -22,7 +22,7 @@ class Termination(StrEnum):
 
     #: Every flux is 0 or 1: the heat runs along one line.
     SINGLE_LINE = "single line"
-    #: The iterations allowed ran out first; the seam is the best cut of what was there.
+    #: The iterations allowed ran out first; the seam is the best cut of the last state.
     ITERATIONS = "iterations exhausted"
     #: The method is direct: it returns the answer without iterating.
     DIRECT = "direct"
@@ -32,7 +32,7 @@ class Termination(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Iteration:
-    """One inner iteration.
+    """The record of one inner iteration.
 
     Examples
     --------
@@ -47,8 +47,8 @@ class Iteration:
     #: The value being minimised: match-cost-weighted mass, forbidden and outermost interfaces (M_max) left
     #: out.
     objective: float
-    #: Thermal compliance θᵀKθ for unit heat; of method heat the size of its flow, which no seam costs less
-    #: than.
+    #: Thermal compliance θᵀKθ for unit heat; with method heat the size of its flow, a lower bound on the cost
+    #: of every seam.
     compliance: float
     #: Upper bound C* on the compliance; NaN where the method has none.
     bound: float

@@ -13,7 +13,7 @@ one-dimensional dual to solve.
 *Asymptotes* close in where a variable oscillates and move away where it does not. A caller who knows the
 curvature of its functions may pass better ones to :meth:`MMA.step`.
 
-*Overshoot.* The approximation of a steep constraint may promise what the true one does not keep. In a heat
+*Overshoot.* The approximation of a steep constraint may be far below the true one. In a heat
 network one such step cuts the path, compliance grows by many orders of magnitude, and there is no way back.
 So a step can be taken back: :meth:`MMA.retreat` halves the distance to the asymptotes, which makes both
 approximations more conservative, and solves again (the idea of GCMMA, Svanberg 2002).
@@ -36,7 +36,7 @@ from toposeam.optimize.multiplier import find_multiplier
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MMAOptions:
-    """How far a step may go. Distances are shares of a variable's range."""
+    """Move limit and asymptotes. Distances are shares of a variable's range."""
 
     #: Largest change of a variable in one step.
     move: float = 0.5
@@ -138,7 +138,7 @@ def solve_subproblem(
         return value
 
     def residual(y: float) -> float:
-        # A power of y where no variable is at its bounds, so that regula falsi is quick on its logarithm.
+        # Where no variable is at its bounds this is a power of y: regula falsi is fast on its logarithm.
         value = total(y)
         return math.log(value / -rest) if rest < 0 < value else value + rest
 
@@ -154,7 +154,7 @@ def solve_subproblem(
 
 
 class MMA:
-    """State of the method between steps.
+    """The state of the method between steps.
 
     Parameters
     ----------
@@ -184,7 +184,7 @@ class MMA:
         dg: Floats,
         asymptotes: tuple[Floats, Floats] | None = None,
     ) -> Floats:
-        """The next point.
+        """Compute the next point.
 
         Parameters
         ----------
@@ -201,7 +201,7 @@ class MMA:
         return self._solve(*self._last)
 
     def retreat(self) -> Floats:
-        """A shorter step from the same point, with the asymptotes at half their distance."""
+        """Shorten the last step: from the same point, with the asymptotes at half their distance."""
         if self._last is None:
             raise RuntimeError("retreat() takes back a step, but none was made")
         x = self._last[0]
@@ -243,7 +243,7 @@ class MMA:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MMAResult:
-    """What :func:`minimize` returns."""
+    """The result of :func:`minimize`."""
 
     x: Floats
     objective: float

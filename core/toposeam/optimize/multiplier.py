@@ -11,15 +11,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-#: How far from the first guess a multiplier is looked for, as a natural logarithm (about 26 orders of
-#: magnitude each way).
-_REACH = 60.0
-#: No multiplier lies beyond exp(±300), so that products with it stay finite.
-_LIMIT = 300.0
+#: Largest distance of a multiplier from the first guess, as a natural logarithm (about 26 orders of magnitude
+#: each way).
+_LOG_REACH = 60.0
+#: Largest absolute natural logarithm of a multiplier, so that products with it stay finite.
+_LOG_LIMIT = 300.0
 
 
 def find_multiplier(residual: Callable[[float], float], guess: float, tolerance: float) -> float:
-    """The multiplier at which a falling residual becomes zero.
+    """Find the multiplier at which a falling residual becomes zero.
 
     Parameters
     ----------
@@ -35,8 +35,8 @@ def find_multiplier(residual: Callable[[float], float], guess: float, tolerance:
         On the feasible side of the root. Where no multiplier within reach is feasible, or every one is, the
         end of the reach.
     """
-    start = min(max(math.log(guess), -_LIMIT), _LIMIT)
-    lowest, highest = max(start - _REACH, -_LIMIT), min(start + _REACH, _LIMIT)
+    start = min(max(math.log(guess), -_LOG_LIMIT), _LOG_LIMIT)
+    lowest, highest = max(start - _LOG_REACH, -_LOG_LIMIT), min(start + _LOG_REACH, _LOG_LIMIT)
     value = residual(math.exp(start))
     feasible, infeasible = (start, math.nan) if value <= 0 else (math.nan, start)
     value_feasible = value_infeasible = value
@@ -57,7 +57,7 @@ def find_multiplier(residual: Callable[[float], float], guess: float, tolerance:
     for _ in range(100):
         if value_feasible >= -tolerance or feasible - infeasible < 1e-12 * max(1.0, abs(feasible)):
             break
-        # Aimed at the middle of what is wanted, not at its end.
+        # The target is the middle of the tolerated interval, not its end.
         share = (value_infeasible + tolerance / 2) / (value_infeasible - value_feasible)
         at = infeasible + min(max(share, 1e-4), 0.9999) * (feasible - infeasible)
         value = residual(math.exp(at))

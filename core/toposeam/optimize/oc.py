@@ -22,7 +22,7 @@ from toposeam.optimize.multiplier import find_multiplier
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OCOptions:
-    """How far an update goes."""
+    """Move limit and damping of an update."""
 
     #: Move limit m: largest change of a variable.
     move: float = 0.2
@@ -43,7 +43,7 @@ def oc_step(
     upper: Floats | float,
     options: OCOptions | None = None,
 ) -> Floats:
-    """The next design.
+    """Compute the next design.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def oc_step(
     mean = float(np.mean(benefit))
     if mean == 0.0:
         return np.asarray(lowest, float)
-    # Where no variable profits from its upper bound, the mass bound is not active.
+    # Raising every useful variable to its upper bound may meet the mass bound, which then is not active.
     if float(np.sum(mass * np.where(benefit > 0, highest, lowest))) <= bound:
         return np.where(benefit > 0, highest, lowest)
     return design(find_multiplier(residual, mean, 1e-9 * abs(bound)))

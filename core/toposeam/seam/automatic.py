@@ -17,18 +17,18 @@ import numpy as np
 from toposeam.arrays import Mask
 from toposeam.heat.threads import one_thread
 from toposeam.seam.exact.optimum import cut_by_flow, exact_labels
-from toposeam.seam.heat.method import HeatOptions, heat_path
-from toposeam.seam.problem.seam_problem import SeamProblem
-from toposeam.seam.problem.solution import Solution
+from toposeam.seam.problem.seam_problem import SeamProblem, Solution
 
-#: Up to this many free pixels that no path divides are cut by maximum flow.
+#: Largest piece, in free pixels, that is cut by maximum flow where no single path divides it; beyond, heat is
+#: as fast.
 FLOW_PIXELS = 30_000
-#: In windows of more corners a shortest path is searched near the best one of every other corner.
+#: Largest window, in corners, in which a shortest path is searched among all of them at once; in larger ones
+#: it is searched near the best path between every other corner.
 PATH_CORNERS = 1 << 20
 
 
 class _TooLargeError(Exception):
-    """More pixels that no path divides than a maximum flow is to cut."""
+    """Raised where more than `FLOW_PIXELS` pixels would have to be cut by maximum flow."""
 
 
 def best_path(problem: SeamProblem, progress: Callable[[float], None] | None = None) -> Solution:
@@ -45,7 +45,7 @@ def best_path(problem: SeamProblem, progress: Callable[[float], None] | None = N
     Solution
         Its `method` is "shortest-path"; "graph-cut" where a maximum flow cut some of the overlap; or "heat".
         Of the first two `bound` is the cost, or 0 where the window has more than :data:`PATH_CORNERS`, and
-        `contracted` is True: heat is led through the overlap when somebody reads the label potential.
+        `contracted` is True: heat computes the label potential when it is first read.
     """
     flows: list[Mask] = []
 
@@ -58,6 +58,8 @@ def best_path(problem: SeamProblem, progress: Callable[[float], None] | None = N
     try:
         labels = exact_labels(problem, flow=flow, whole=PATH_CORNERS)
     except _TooLargeError:
+        from toposeam.seam.heat.method import HeatOptions, heat_path
+
         with one_thread():
             return heat_path(problem, HeatOptions(), progress=progress)
     if progress is not None:

@@ -13,7 +13,7 @@ from toposeam.seam.problem.seam_problem import SeamProblem
 
 
 def dp_labels(problem: SeamProblem) -> Mask:
-    """The labelling cut by the cheapest monotone seam, (h, w) bool.
+    """Find the labelling cut by the cheapest monotone seam, (h, w) bool.
 
     The seam takes one interface per row (column) and moves by at most one pixel from a row to the next; both
     the interfaces it runs along and those it steps over count. Where the two sides leave only one place, that
@@ -53,8 +53,9 @@ def dp_labels(problem: SeamProblem) -> Mask:
 
 
 def _cheapest_crossings(crossing: Floats, stepping: Floats) -> AnyInts:
-    """Per row, the interface (x, x + 1) the seam takes. crossing: (m, n - 1); stepping: (m - 1, n), costs
-    between rows.
+    """Find the cheapest path through all rows: for each row the x of the interface (x, x + 1) it crosses.
+
+    `crossing` holds the (m, n - 1) costs of these interfaces, `stepping` the (m - 1, n) costs between rows.
     """
     m, n = crossing.shape
     best = crossing.copy()

@@ -5,7 +5,9 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Callable, Mapping
-from typing import Any, Literal, Unpack, get_args
+from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Literal, Unpack, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -14,40 +16,46 @@ from toposeam.arrays import Mask
 from toposeam.checks import check_choice, check_function, options_from
 from toposeam.errors import MissingPackageError, OptionError, Term
 from toposeam.heat.threads import one_thread
-from toposeam.seam.automatic import best_path
-from toposeam.seam.dynamic_programming import dp_labels
-from toposeam.seam.exact.graph_cut import graph_cut_labels, least_cut
-from toposeam.seam.exact.optimum import exact_labels, labels_of_nodes
-from toposeam.seam.heat.method import HeatOptions, heat_path
-from toposeam.seam.keywords import SeamKeywords
 from toposeam.seam.problem.match_cost import Law, MatchCost
 from toposeam.seam.problem.overlap import Side
 from toposeam.seam.problem.posing import pose
-from toposeam.seam.problem.seam_problem import SeamProblem
-from toposeam.seam.problem.solution import Solution
+from toposeam.seam.problem.seam_problem import SeamProblem, Solution
 from toposeam.seam.result.seam import Seam, seam_of
-from toposeam.seam.thesis.options import ThesisOptions
+
+if TYPE_CHECKING:
+    from toposeam.seam.heat.method import HeatOptions
+    from toposeam.seam.keywords import SeamKeywords
+    from toposeam.seam.thesis.options import ThesisOptions
 
 Method = Literal["auto", "heat", "thesis", "shortest-path", "dp", "graph-cut"]
 METHODS: tuple[Method, ...] = get_args(Method)
 
 
-def _thesis_path(*args: Any, **keywords: Any) -> Solution:
-    from toposeam.seam.thesis.method import thesis_path  # which few ask for, and loads MMA
+@dataclass(frozen=True, slots=True)
+class _Engine:
+    """The place of a method's code. Its modules are imported when the method is first asked for."""
 
-    return thesis_path(*args, **keywords)
+    #: A module of `toposeam.seam`, and the function in it that solves a `SeamProblem`.
+    module: str
+    function: str
+    #: Module and name of the class of its options; None for a direct method, whose function returns labels.
+    options: tuple[str, str] | None = None
+    #: Whether its labelling is the one of least cost.
+    exact: bool = False
 
 
-_DIRECT: dict[str, Callable[[SeamProblem], Mask]] = {
-    "shortest-path": exact_labels,
-    "dp": dp_labels,
-    "graph-cut": graph_cut_labels,
+#: The engine of every method but "auto", which chooses one of them (:mod:`toposeam.seam.automatic`).
+_ENGINES = {
+    "heat": _Engine("heat.method", "heat_path", ("heat.method", "HeatOptions")),
+    "thesis": _Engine("thesis.method", "thesis_path", ("thesis.options", "ThesisOptions")),
+    "shortest-path": _Engine("exact.optimum", "exact_labels", exact=True),
+    "dp": _Engine("dynamic_programming", "dp_labels"),
+    "graph-cut": _Engine("exact.graph_cut", "graph_cut_labels", exact=True),
 }
-_EXACT = ("shortest-path", "graph-cut")
-_ITERATIVE: dict[str, tuple[type[HeatOptions] | type[ThesisOptions], Callable[..., Solution]]] = {
-    "heat": (HeatOptions, heat_path),
-    "thesis": (ThesisOptions, _thesis_path),
-}
+
+
+def _loaded(module: str, name: str) -> Any:
+    return getattr(import_module(f"toposeam.seam.{module}"), name)
 
 
 def find_seam(
@@ -102,17 +110,17 @@ def find_seam(
         show: 1 is all of it but its border, where the seam must run, and 0.05 hardly more than its middle
         (:mod:`toposeam.seam.problem.overlap`).
     speck : float, optional
-        A piece inside the other that cannot show so many connected pixels need not show at all, unless the
-        patch has hardly anything else; by default 64, or 0.05 % of the patch's own if that is more. 0 lets
-        every piece show.
+        Least number of connected pixels that a piece inside the other patch must be able to show; a smaller
+        one need not show at all, unless the patch has hardly anything else. By default 64, or 0.05 % of the
+        patch's own pixels if that is more. 0 lets every piece show.
     data_range : float, optional
         The value that counts as white, for integers other than uint8 and uint16 and for floats beyond [0, 1].
     options : HeatOptions or ThesisOptions, optional
-        How the method goes about it; its fields may be given as plain keywords instead. With `auto`, options
-        are those of `heat`, and choose it.
+        Options of the method; their fields may be given as plain keywords instead. With `auto` they are
+        those of `heat`, and choose it.
     prove : bool
-        Also find out what the best seam costs, by shortest path where the seam is one, else by maximum flow
-        (PyMaxflow's where it is installed), and say so in ``Seam.bound``. The seam stays the method's.
+        Also compute the cost of the best seam as ``Seam.bound``: by shortest path where the seam is one, else
+        by maximum flow (PyMaxflow's where it is installed). The seam stays the method's.
     record_frames : bool
         Keep the densities of every iteration in ``Seam.frames``. With `auto` that chooses `heat`.
     progress : callable, optional
@@ -169,7 +177,7 @@ def find_seam(
 
 
 def method_for(method: Method, *, heats: bool) -> Method:
-    """The method to take: `auto` is `heat` where something is asked for that only heat gives.
+    """Return the method to run: `auto` becomes `heat` where the call asks for what only heat provides.
 
     Raises
     ------
@@ -181,16 +189,18 @@ def method_for(method: Method, *, heats: bool) -> Method:
 
 
 def usual_law(method: Method) -> Law:
-    """The law of the match cost that a method minimises unless another one is asked for."""
+    """Return the law of the match cost that a method minimises by default."""
     return "gradient" if method == "thesis" else "natural"
 
 
 def least_cost(problem: SeamProblem, known: float) -> float:
-    """What the best labelling costs, where one of some cost is known.
+    """Compute the cost of the best labelling, given the cost of a known one.
 
     Capacities of maximum flows are rounded (:func:`toposeam.seam.exact.maximum_flow.minimum_cut`);
     PyMaxflow's are not.
     """
+    from toposeam.seam.exact.graph_cut import least_cut
+    from toposeam.seam.exact.optimum import exact_labels, labels_of_nodes
 
     def flow(problem: SeamProblem, pixels: Mask) -> Mask:
         network, weight, index = problem.grid.network(pixels)
@@ -206,7 +216,7 @@ def least_cost(problem: SeamProblem, known: float) -> float:
 def method_options(
     method: Method, given: Mapping[str, Any], options: HeatOptions | ThesisOptions | None = None
 ) -> HeatOptions | ThesisOptions | None:
-    """The checked options of a method, None for a direct one, or for `auto`.
+    """Return the checked options of a method; None for `auto` and for direct methods, which take none.
 
     Parameters
     ----------
@@ -222,7 +232,8 @@ def method_options(
         For an unknown method or options it does not have.
     """
     check_choice("method", method, METHODS)
-    if method not in _ITERATIVE:
+    engine = _ENGINES.get(method)
+    if engine is None or engine.options is None:
         unwanted = sorted(given) + ([] if options is None else ["options"])
         if unwanted:
             raise OptionError(
@@ -233,7 +244,8 @@ def method_options(
                 names=tuple(map(Term, unwanted)),
             )
         return None
-    return options_from(_ITERATIVE[method][0], options, dict(given), f"method {method}")
+    kind: type[HeatOptions | ThesisOptions] = _loaded(*engine.options)
+    return options_from(kind, options, dict(given), f"method {method}")
 
 
 def solve(
@@ -244,12 +256,27 @@ def solve(
     record_frames: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> Solution:
-    """The labels a method finds for a problem."""
+    """Solve a problem by a method.
+
+    Parameters
+    ----------
+    problem : SeamProblem
+    method : str
+    options : HeatOptions or ThesisOptions or None
+        As :func:`method_options` returns them for the method.
+    record_frames, progress
+        As for :func:`find_seam`; direct methods have no use for them.
+    """
     if method == "auto":
+        from toposeam.seam.automatic import best_path
+
         return best_path(problem, progress)
-    if method in _ITERATIVE:
+    engine = _ENGINES[method]
+    run = _loaded(engine.module, engine.function)
+    if engine.options is not None:
         with one_thread():
-            return _ITERATIVE[method][1](problem, options, record_frames=record_frames, progress=progress)
-    labels = _DIRECT[method](problem)
-    bound = problem.total(labels) if method in _EXACT else 0.0
+            found: Solution = run(problem, options, record_frames=record_frames, progress=progress)
+        return found
+    labels: Mask = run(problem)
+    bound = problem.total(labels) if engine.exact else 0.0
     return Solution(labels=labels, soft=labels.astype(np.float32), bound=bound)

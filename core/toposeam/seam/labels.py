@@ -1,6 +1,8 @@
-"""Which of two patches shows where, and nothing else: for textures, which cut hundreds of small patches."""
+"""The labels of a seam and nothing else: for textures, which cut hundreds of small patches."""
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -9,20 +11,20 @@ from toposeam.arrays import Mask
 from toposeam.seam.automatic import FLOW_PIXELS
 from toposeam.seam.exact.optimum import cut_by_flow
 from toposeam.seam.find import Method, method_options, solve
-from toposeam.seam.heat.method import HeatOptions
 from toposeam.seam.problem.match_cost import MatchCost, match_cost, match_options
 from toposeam.seam.problem.overlap import FREE, between_masks
 from toposeam.seam.problem.seam_problem import SeamProblem
-from toposeam.seam.thesis.options import ThesisOptions
 
-#: Methods whose seam is the best one, by whichever engine.
+if TYPE_CHECKING:
+    from toposeam.seam.heat.method import HeatOptions
+    from toposeam.seam.thesis.options import ThesisOptions
+
+#: Methods that look for the seam of least cost.
 BEST: tuple[Method, ...] = ("auto", "shortest-path")
 
-MethodOptions = HeatOptions | ThesisOptions | None
 
-
-def decided_by(problem: SeamProblem, method: Method, options: MethodOptions) -> Mask:
-    """The labels that a method finds; on small overlaps the best ones where the method looks for these.
+def decided_by(problem: SeamProblem, method: Method, options: HeatOptions | ThesisOptions | None) -> Mask:
+    """Label a problem by a method; where it looks for the best seam of a small overlap, by maximum flow.
 
     Parameters
     ----------
@@ -46,8 +48,7 @@ def seam_labels(
     *,
     closed: bool = False,
 ) -> Mask:
-    """What :func:`toposeam.find_seam` labels ``b`` when no piece is too small (``speck=0``), found sooner on
-    small overlaps.
+    """Find the labels of :func:`toposeam.find_seam` with ``speck=0``, faster on small overlaps.
 
     Parameters
     ----------

@@ -17,12 +17,12 @@ from toposeam.arrays import Floats, Ints, Mask
 from toposeam.checks import check_range
 from toposeam.errors import ImageError, Term
 
-#: Curves end where a contour crosses every so manieth row or column of pixel centres, px.
+#: Distance of the rows and columns of pixel centres where curves end, px.
 ANCHORS_PX = 12
-#: How far the contours of a periodic density go on beyond its border, px: no curve that enters the picture is
-#: cut.
+#: Width of the margin in which contours go on beyond the border, px: so wide that no curve that enters the
+#: picture is cut.
 MARGIN_PX = ANCHORS_PX + 4
-#: Farthest a curve may be from its polygon.
+#: Largest distance of a curve from its polygon, px.
 TOLERANCE_PX = 0.25
 
 
@@ -38,8 +38,9 @@ class CurvePath:
     starts: Ints
 
     def data(self, scale: float = 1.0, digits: int = 2) -> str:
-        """SVG path data, coordinates times `scale`, rounded to that many digits; every loop ends where it
-        began.
+        """Write SVG path data, with coordinates times `scale` rounded to a number of digits.
+
+        Every loop ends exactly where it began.
         """
         units = np.rint(self.curves * (scale * 10**digits)).astype(np.int64)
         loops = np.split(units, self.starts[1:]) if len(units) else []
@@ -49,7 +50,7 @@ class CurvePath:
 def contour(
     density: npt.ArrayLike, level: float, *, periodic: bool = True, tolerance_px: float = TOLERANCE_PX
 ) -> CurvePath:
-    """The boundary of where a density exceeds a level.
+    """Trace the boundary of the area where a density exceeds a level.
 
     Parameters
     ----------
@@ -58,10 +59,10 @@ def contour(
     level : float
     periodic : bool
         Whether the density continues with its opposite side beyond each border; the contours then go on for
-        `MARGIN_PX` there, and curves that start a period apart are the same. Otherwise the border's values go
-        on.
+        `MARGIN_PX` there, and curves that start a period apart are the same. Otherwise the border's values
+        are repeated.
     tolerance_px : float
-        Farthest a curve may be from the polygon of marching squares, positive.
+        Largest distance of a curve from the polygon of marching squares, positive.
 
     Returns
     -------
@@ -89,8 +90,9 @@ def contour(
 
 
 def contour_beyond(window: npt.ArrayLike, level: float, *, tolerance_px: float = TOLERANCE_PX) -> CurvePath:
-    """As :func:`contour`, for a density that has its neighbours round it already: (H + 2m, W + 2m) values, m
-    = `MARGIN_PX`.
+    """Trace the contour of a density that includes its margin: (H + 2m, W + 2m) values, m = `MARGIN_PX`.
+
+    Otherwise as :func:`contour`.
     """
     values = np.asarray(window, np.float64)
     if values.ndim != 2 or min(values.shape) <= 2 * MARGIN_PX or not np.isfinite(values).all():
@@ -118,8 +120,9 @@ def contour_beyond(window: npt.ArrayLike, level: float, *, tolerance_px: float =
 
 
 def _polygons(values: Floats, level: float) -> list[Floats]:
-    """Closed polygons round what exceeds a level, without their repeated last point, of at least three
-    points; outside is low.
+    """Trace closed polygons round the values that exceed a level; outside of the array values are low.
+
+    Each has at least three points, of which the last does not repeat the first.
     """
     from contourpy import LineType, contour_generator
 
@@ -137,9 +140,7 @@ def _polygons(values: Floats, level: float) -> list[Floats]:
 
 
 def _anchors(points: Floats, width: int, height: int) -> Mask:
-    """Which points lie on one of the rows and columns of pixel centres that end curves; periodic in the
-    cell's size.
-    """
+    """Mark the points on the rows and columns of pixel centres where curves end; periodic in the cell."""
     x, y = points.T - 0.5
     column, row = np.rint(x), np.rint(y)
     on_column = (np.abs(x - column) < 1e-9) & (column % width % ANCHORS_PX == 0)
@@ -149,14 +150,14 @@ def _anchors(points: Floats, width: int, height: int) -> Mask:
 
 
 def _outside(points: Floats, width: int, height: int) -> Mask:
-    """Points on the window's edge, where contours were cut."""
+    """Mark the points on the window's edge, where contours were cut."""
     low, high = 0.5 - MARGIN_PX, MARGIN_PX - 0.5
     beyond: Mask = np.any((points < low) | (points > np.array([width + high, height + high])), axis=1)
     return beyond
 
 
 def _from_its_first_anchor(points: Floats, width: int, height: int) -> Floats:
-    """A loop begins at an anchor; without one, at its topmost point (of these the leftmost)."""
+    """Rotate a loop to begin at an anchor; without one, at its topmost point (of these the leftmost)."""
     at = np.flatnonzero(_anchors(points, width, height))
     start = (
         int(at[0]) if len(at) else int(np.lexsort((np.round(points[:, 0], 6), np.round(points[:, 1], 6)))[0])
@@ -165,7 +166,7 @@ def _from_its_first_anchor(points: Floats, width: int, height: int) -> Floats:
 
 
 def _neighbour(values: Floats, begin: Ints, step: int) -> Floats:
-    """The value so many points further on in the same loop."""
+    """Return the value `step` points further on in the same loop."""
     index = np.arange(len(values))
     size, start = (np.repeat(per_loop, np.diff(begin)) for per_loop in (np.diff(begin), begin[:-1]))
     moved: Floats = values[start + (index - start + step) % size]
@@ -173,14 +174,14 @@ def _neighbour(values: Floats, begin: Ints, step: int) -> Floats:
 
 
 def _turns(points: Floats, begin: Ints) -> Mask:
-    """Where the polygon changes its direction."""
+    """Mark the points where the polygon changes its direction."""
     before, after = points - _neighbour(points, begin, -1), _neighbour(points, begin, 1) - points
     turns: Mask = np.abs(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]) > 1e-6
     return turns
 
 
 def _tangents(points: Floats, begin: Ints) -> Floats:
-    """Unit directions of travel at every point, from the two neighbours to either side, in their own loop."""
+    """Compute unit directions of travel at every point, from its two neighbours on either side."""
     direction = np.zeros_like(points)
     for step in (1, 2):
         direction += _neighbour(points, begin, step) - _neighbour(points, begin, -step)
@@ -194,8 +195,9 @@ def _tangents(points: Floats, begin: Ints) -> Floats:
 def _fit(
     points: Floats, begin: Ints, ends: Mask, edge: Mask, tangent: Floats, tolerance: float
 ) -> tuple[Floats, Ints]:
-    """Curves from end to end; where one misses the polygon it is halved. Their control points, and the point
-    each starts at.
+    """Fit curves from end to end; a stretch whose curve misses the polygon is halved.
+
+    Returns their control points, and the index of the point at which each starts.
     """
     loop_of = np.repeat(np.arange(len(begin) - 1), np.diff(begin))
     first = np.flatnonzero(ends)
@@ -217,8 +219,9 @@ def _fit(
 def _curves(
     points: Floats, tangent: Floats, edge: Mask, begin: Ints, loop_of: Ints, first: Ints, last: Ints
 ) -> tuple[Floats, Floats]:
-    """The best cubic curve from point `first` to point `last` of each stretch, and how far it misses the
-    points between.
+    """Fit the best cubic curve from point `first` to point `last` of each stretch.
+
+    Returns the control points, and the largest distance of each curve from the points between.
     """
     loop = loop_of[first]
     # Points of all stretches one after another, both ends included.
@@ -270,9 +273,7 @@ def _curves(
 
 
 def _loop_data(loop: Ints, digits: int) -> str:
-    """One loop in relative coordinates, which are short; differences of rounded coordinates add up
-    exactly.
-    """
+    """Write one loop in relative coordinates, which are short; rounded differences add up exactly."""
     begin = loop[0, 0]
     relative = (loop[:, 1:] - loop[:, :1]).reshape(-1, 6)
     unit = 10**digits
@@ -282,7 +283,7 @@ def _loop_data(loop: Ints, digits: int) -> str:
 
 
 def _decimal(value: int, unit: int, digits: int) -> str:
-    """The shortest decimal of value / unit."""
+    """Write the shortest decimal of value / unit."""
     whole, part = divmod(abs(value), unit)
     sign = "-" if value < 0 else ""
     if not part:

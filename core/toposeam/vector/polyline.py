@@ -15,7 +15,7 @@ from toposeam.checks import check_range
 from toposeam.display import line_svg
 from toposeam.errors import OptionError, PathError, Term
 
-#: A longer line is not followed pixel by pixel, px to the side and down.
+#: Longest line that is followed pixel by pixel, px to the side plus px down.
 _LONGEST_PX = 1e6
 
 # Directions of travel, clockwise as seen on the screen: turning right adds one.
@@ -113,9 +113,7 @@ class Polyline:
 
     @property
     def outline(self) -> Floats:
-        """The points in the order of travel, back to the first one where the path is closed; (N, 2) or (N +
-        1, 2).
-        """
+        """The points in the order of travel, (N, 2); of a closed path (N + 1, 2), back to the first one."""
         return np.concatenate([self.points, self.points[:1]]) if self.closed else self.points
 
     @property
@@ -124,12 +122,12 @@ class Polyline:
         return float(np.hypot(*np.diff(self.outline, axis=0).T).sum())
 
     def simplified(self, tolerance: float) -> Polyline:
-        """The line with fewer points (Douglas and Peucker 1973, doi:10.3138/FM57-6770-U75U-7727).
+        """Simplify the line to fewer points (Douglas and Peucker 1973, doi:10.3138/FM57-6770-U75U-7727).
 
         Parameters
         ----------
         tolerance : float
-            How far a point left out may lie from the new line, px.
+            Largest distance of a point left out from the new line, px.
 
         Returns
         -------
@@ -151,7 +149,7 @@ class Polyline:
 
 
 def trace_boundary(labels: Mask, valid: Mask) -> list[Polyline]:
-    """The boundary between label True and label False, along the interfaces of valid pixels.
+    """Trace the boundary between label True and label False, along the interfaces of valid pixels.
 
     Parameters
     ----------
@@ -203,8 +201,9 @@ def trace_boundary(labels: Mask, valid: Mask) -> list[Polyline]:
 
 
 def _boundary_edges(labels: Mask, valid: Mask) -> tuple[Ints, Ints, Ints]:
-    """The boundary's unit edges: corners they leave and reach (flat index, W + 1 to a row), direction; by
-    corner left, then direction.
+    """List the boundary's unit edges: the corners they leave and reach, and their directions.
+
+    Corners are flat indices, W + 1 to a row. Edges are sorted by the corner they leave, then by direction.
     """
     width = labels.shape[1]
     flat_labels, flat_valid = labels.ravel(), valid.ravel()
@@ -236,8 +235,9 @@ def _boundary_edges(labels: Mask, valid: Mask) -> tuple[Ints, Ints, Ints]:
 
 
 def _successors(tail: Ints, head: Ints, direction: Ints) -> Ints:
-    """The edge that follows each edge, -1 at an end. Round a corner edges arrive and leave in turn, so no
-    path can cross another.
+    """Find the edge that follows each edge, -1 at an end.
+
+    Round a corner arriving and leaving edges alternate, so no path can cross another.
     """
     key = tail * 4 + direction
     following = np.full(len(tail), -1, np.int64)
@@ -249,21 +249,21 @@ def _successors(tail: Ints, head: Ints, direction: Ints) -> Ints:
 
 
 def _chains(following: Ints) -> tuple[Ints, Ints, Mask]:
-    """All edges in order of travel, path after path; where each path begins; whether it is closed."""
+    """Order edges along their paths; returns them, the beginning of each path, and whether it is closed."""
     after = following.tolist()
     has_previous = np.zeros(len(after), bool)
     has_previous[following[following >= 0]] = True
     open_starts = np.flatnonzero(~has_previous).tolist()
     chain: list[int] = []
     begin: list[int] = []
-    seen = bytearray(len(after))
+    visited = bytearray(len(after))
     for start in (*open_starts, *range(len(after))):
-        if seen[start]:
+        if visited[start]:
             continue
         begin.append(len(chain))
         edge = start
-        while edge >= 0 and not seen[edge]:
-            seen[edge] = 1
+        while edge >= 0 and not visited[edge]:
+            visited[edge] = 1
             chain.append(edge)
             edge = after[edge]
     return np.array(chain, np.int64), np.array(begin, np.int64), np.arange(len(begin)) >= len(open_starts)

@@ -1,8 +1,9 @@
-"""Few Bézier curves along a line of many points: what a hand can bend.
+"""Few Bézier curves along a line of many points, for editing by hand.
 
 Each stretch becomes one cubic curve, by least squares over its two handles (Schneider 1990, *An algorithm for
 automatically fitting digitized curves*, Graphics Gems, without held tangents), then by weights that grow
-where it is too far, until the greatest distance is small; stretches are as long as the tolerance allows.
+where the curve is too far away, until the greatest distance is small. Stretches are as long as the tolerance
+allows.
 Anchors lie on points of the line, so that any curve can be replaced by the exact piece of the line that it
 stands for.
 """
@@ -19,20 +20,23 @@ from toposeam.checks import check_kind, check_number
 from toposeam.display import line_svg
 from toposeam.vector.polyline import Polyline, check_length
 
-#: How far the curves may be from the line, px: the first value with few enough anchors, else the last one.
+#: Largest distance between curves and line, px: the first value that gives few enough curves, else the last.
 TOLERANCES_PX: tuple[float, ...] = (2.0, 2.25, 2.5)
-#: A curve on this many px of the line's extent is few enough.
+#: Least extent of the line per curve, px, at which curves are few enough.
 FEW_PX = 40.0
-#: Where the first tolerance gives this many times as many, only the last one is tried.
-_FAR_MORE = 1.25
+#: Number of curves, as a multiple of few enough, above which all tolerances but the last are skipped.
+_MANY_CURVES = 1.25
 
+#: Least-squares fits of a curve, each with the parameters of the nearest points of the one before.
 _REFITS = 6
-#: What least squares leaves too far is levelled out so often, by weights (Lawson 1961), unless hopeless.
-_LEVELLINGS = 20
+#: Further fits, with weights that grow where the curve is too far (Lawson 1961); and the distance, as a
+#: multiple of the tolerance, above which they are not tried.
+_REWEIGHTINGS = 20
 _HOPELESS = 1.7
-_FIRST_STRETCH = 16  # px along the line
-#: The end of a stretch is found to this share of its length.
-_SHARE = 16
+#: Length of the first stretch that is tried, px along the line.
+_FIRST_STRETCH_PX = 16
+#: The end of a stretch is found to one part in this many of its length.
+_STRETCH_PARTS = 16
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -70,7 +74,7 @@ class SmoothPath:
         return start if self.closed else np.concatenate([start, self.curves[-1:, 3]])
 
     def piece(self, index: int) -> Floats:
-        """The part of the line that a curve stands for, (N, 2), turning points only."""
+        """Return the part of the line that a curve stands for, (N, 2), turning points only."""
         points = self.dense[self.along[index] : self.along[index + 1] + 1]
         step = np.diff(points, axis=0)
         turn = np.append(True, (np.abs(np.diff(step, axis=0)) > 1e-9).any(axis=1))
@@ -78,7 +82,7 @@ class SmoothPath:
         return turning
 
     def distance(self) -> float:
-        """The farthest that any curve is from the line, or the line from the curves, px."""
+        """Compute the largest distance of any curve from the line, and of the line from the curves, px."""
         drawn = np.concatenate(
             [
                 _cubic(curve, np.linspace(0, 1, 2 * int(length) + 9)[:, np.newaxis])
@@ -91,13 +95,13 @@ class SmoothPath:
 
 
 def smooth_path(line: Polyline, tolerance: float | None = None) -> SmoothPath:
-    """A line as few cubic curves.
+    """Fit few cubic curves to a line.
 
     Parameters
     ----------
     line : Polyline
     tolerance : float, optional
-        How far curves and line may be from each other, px. By default 2 px, and up to 2.5 px where that would
+        Largest distance between curves and line, px. By default 2 px, and up to 2.5 px where that would
         take more than a curve on 40 px of the line's width or height.
 
     Returns
@@ -129,13 +133,13 @@ def smooth_path(line: Polyline, tolerance: float | None = None) -> SmoothPath:
         curves, along = _fit(dense, waiting.pop(0), line.closed)
         if len(curves) <= few:
             break
-        if len(curves) > _FAR_MORE * few:
+        if len(curves) > _MANY_CURVES * few:
             waiting = waiting[-1:]
     return SmoothPath(np.array(curves), np.array(along), line.closed, dense)
 
 
 def _dense(outline: Floats, spacing: float = 1.0) -> Floats:
-    """The outline with points at most so far apart in x and in y, its own points among them."""
+    """Insert points into an outline, so that neighbours are at most `spacing` apart in x and in y."""
     steps = np.diff(outline, axis=0)
     count = np.maximum(np.ceil(np.abs(steps).max(axis=1) / spacing - 1e-9), 1).astype(int)
     number = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
@@ -145,7 +149,7 @@ def _dense(outline: Floats, spacing: float = 1.0) -> Floats:
 
 
 def _fit(dense: Floats, tolerance: float, closed: bool) -> tuple[list[Floats], list[int]]:
-    """Curves one after another, each as long as it may be; and where they begin and end."""
+    """Fit curves one after another, each as long as it may be; returns them, and where they begin and end."""
     last = len(dense) - 1
     curves: list[Floats] = []
     along = [0]
@@ -153,14 +157,14 @@ def _fit(dense: Floats, tolerance: float, closed: bool) -> tuple[list[Floats], l
         start = along[-1]
         # A closed line is at least two curves: one alone would have to begin and end at one point.
         limit = min(last, last // 2 + 1) if closed and not curves else last
-        end, reach, beyond = start + 1, _FIRST_STRETCH, None
+        end, reach, beyond = start + 1, _FIRST_STRETCH_PX, None
         found = _curve(dense[start : end + 1], tolerance)[0]  # one step is a straight line, which always fits
-        while end < limit and (beyond is None or beyond - end > max(1, (end - start) // _SHARE)):
+        while end < limit and (beyond is None or beyond - end > max(1, (end - start) // _STRETCH_PARTS)):
             tried = min(start + reach, limit) if beyond is None else (end + beyond) // 2
             curve, miss = _curve(dense[start : tried + 1], tolerance)
             if miss <= tolerance:
                 end, found = tried, curve
-                reach += max(_FIRST_STRETCH, reach // 2)
+                reach += max(_FIRST_STRETCH_PX, reach // 2)
             else:
                 beyond = tried
         curves.append(found)
@@ -169,8 +173,9 @@ def _fit(dense: Floats, tolerance: float, closed: bool) -> tuple[list[Floats], l
 
 
 def _curve(points: Floats, tolerance: float) -> tuple[Floats, float]:
-    """The cubic from the first to the last of some points that stays as close as the tolerance to all
-    between, or the closest that was found, and its greatest distance from them.
+    """Fit a cubic from the first to the last of some points to those between.
+
+    Returns one within the tolerance, or the closest that was found, and its greatest distance from them.
     """
     start, end = points[0], points[-1]
     length = len(points) - 1
@@ -178,7 +183,7 @@ def _curve(points: Floats, tolerance: float) -> tuple[Floats, float]:
     samples = np.linspace(0, 1, max(length, 8) + 1)
     tree = cKDTree(points)
     best, least = np.stack([start, start, end, end]), np.inf
-    for refit in range(_REFITS + _LEVELLINGS):
+    for refit in range(_REFITS + _REWEIGHTINGS):
         u = share[:, np.newaxis]
         rest = points - start * (1 - u) ** 3 - end * u**3
         bases = np.hstack([3 * u * (1 - u) ** 2, 3 * u**2 * (1 - u)])
@@ -200,7 +205,7 @@ def _curve(points: Floats, tolerance: float) -> tuple[Floats, float]:
 
 
 def _cubic(curve: Floats, share: Floats) -> Floats:
-    """Points on cubic curves: (4, …) control points, shares in [0, 1] that broadcast with them."""
+    """Evaluate cubic curves: (4, …) control points, parameters in [0, 1] that broadcast with them."""
     back = 1 - share
     points: Floats = (
         back**3 * curve[0]

@@ -1,7 +1,6 @@
 """Seams as SVG paths: written exactly, and read back after Inkscape, GIMP or a hand has changed them.
 
-What is drawn, in whatever units and under whatever transforms, becomes lines in the pixels of the picture;
-curves are flattened.
+Shapes in any units and under any transforms become lines in the pixels of the picture; curves are flattened.
 """
 
 from __future__ import annotations
@@ -29,13 +28,13 @@ _CONTAINERS = {"svg", "g", "a", "switch"}
 _UNPRINTABLE = re.compile("[^\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _HIDDEN = re.compile(r"(?:^|;)\s*display\s*:\s*none\b")
 
-#: No picture has longer sides.
+#: Longest side of a picture, px.
 LARGEST_PX = 1e9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SvgSeam:
-    """What an SVG document says about a seam.
+    """The lines and settings of a seam in an SVG document.
 
     Examples
     --------
@@ -71,7 +70,7 @@ def write_svg(
     metadata: Mapping[str, Any],
     names: Sequence[str] | None = None,
 ) -> str:
-    """An SVG document of one path per line, the settings as JSON in ``<metadata>``.
+    """Write an SVG document of one path per line, with the settings as JSON in ``<metadata>``.
 
     Parameters
     ----------
@@ -145,10 +144,10 @@ def write_svg(
 
 
 def read_svg(source: str | bytes | os.PathLike[str], *, size: tuple[int, int] | None = None) -> SvgSeam:
-    """The lines of an SVG document, in pixels.
+    """Read the lines of an SVG document, in pixels.
 
     Paths, lines, polylines, polygons, rectangles, circles and ellipses are read, through groups, layers,
-    transforms and units; definitions and what is hidden (``display: none``) are not. A name is the element's
+    transforms and units; definitions and hidden elements (``display: none``) are not. A name is the element's
     ``<title>``, else its Inkscape label, else its ``id``.
 
     One px is 1/96 inch, as SVG has it, with one exception: a document whose width is given in physical units
@@ -160,7 +159,7 @@ def read_svg(source: str | bytes | os.PathLike[str], *, size: tuple[int, int] | 
     source : path-like, str or bytes
         A file, or the document itself. A str with a ``<`` in it is a document.
     size : (int, int), optional
-        Width and height of the picture in px: the drawing area is scaled to it, whatever its units.
+        Width and height of the picture in px: the drawing area is scaled to it.
 
     Returns
     -------
@@ -192,7 +191,7 @@ def read_svg(source: str | bytes | os.PathLike[str], *, size: tuple[int, int] | 
     polylines: list[Polyline] = []
     names: list[str] = []
     budget = Budget()
-    with np.errstate(invalid="ignore", over="ignore"):  # whatever overflows is found not to be finite
+    with np.errstate(invalid="ignore", over="ignore"):  # overflow is found as coordinates that are not finite
         for element, matrix in _drawn(root, to_px, budget):
             lines = polylines_of(element, matrix, budget)
             name = name_of(element) or f"seam {len(names) + 1}"
@@ -207,14 +206,15 @@ def read_svg(source: str | bytes | os.PathLike[str], *, size: tuple[int, int] | 
 
 
 def read_metadata(source: str | bytes | os.PathLike[str]) -> dict[str, Any] | None:
-    """The settings that TopoSeam wrote into an SVG document, None in one without any; reads and raises as
-    :func:`read_svg`.
+    """Read the settings that TopoSeam wrote into an SVG document; None if there are none.
+
+    Sources and errors are those of :func:`read_svg`.
     """
     return settings_of(parse(document_of(source)))
 
 
 def _number(value: float) -> str:
-    """The shortest text that reads back as the same number."""
+    """Write the shortest text that reads back as the same number."""
     value = float(value)
     return str(int(value)) if value.is_integer() and abs(value) < 1e15 else repr(value)
 
@@ -225,7 +225,7 @@ def _path_data(polyline: Polyline) -> str:
 
 
 def _plain(value: object) -> Any:
-    """NumPy values, and anything with a path, as JSON knows them."""
+    """Convert NumPy values and path-like objects for JSON."""
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     if isinstance(value, os.PathLike):
@@ -236,7 +236,7 @@ def _plain(value: object) -> Any:
 def _viewport(
     attributes: Mapping[str, str], size: tuple[int, int] | None = None
 ) -> tuple[Floats, float, float]:
-    """Matrix from the coordinates inside an ``<svg>`` element to px, and the size of its area in px."""
+    """Compute the matrix from coordinates inside an ``<svg>`` element to px, and the size of its area, px."""
     (width, unit), (height, _) = length_px(attributes.get("width")), length_px(attributes.get("height"))
     stated = attributes.get("viewBox")
     try:
@@ -288,7 +288,7 @@ def _viewport(
 
 
 def _drawn(root: Any, to_px: Floats, budget: Budget) -> Iterator[tuple[Any, Floats]]:
-    """Every visible shape in document order, with the matrix from its own coordinates to px."""
+    """Yield every visible shape in document order, with the matrix from its own coordinates to px."""
     waiting = [(child, to_px) for child in reversed(root)]
     while waiting:
         element, matrix = waiting.pop()

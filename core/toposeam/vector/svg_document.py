@@ -1,6 +1,4 @@
-"""The XML of an SVG document: parsed without ever loading anything, bounded, and asked for names and
-settings.
-"""
+"""The XML of an SVG document: bounded parsing that never loads anything, names and settings."""
 
 from __future__ import annotations
 
@@ -12,9 +10,9 @@ from typing import Any
 from toposeam.checks import check_kind
 from toposeam.errors import PathError
 
-#: Largest document that is read.
+#: Largest document that is read, bytes.
 LARGEST_BYTES = 64 * 2**20
-#: Most elements in it.
+#: Most elements of a document that is read.
 MOST_ELEMENTS = 200_000
 
 #: The namespace of SVG.
@@ -23,7 +21,7 @@ _LABEL = "{http://www.inkscape.org/namespaces/inkscape}label"
 
 
 def document_of(source: str | bytes | os.PathLike[str]) -> str | bytes:
-    """The text of a document, from wherever it is."""
+    """Read the text of a document, which is given itself or as the name of a file."""
     if isinstance(source, bytes) or (isinstance(source, str) and ("<" in source or not source.strip())):
         document: str | bytes = source
     else:
@@ -53,8 +51,9 @@ def document_of(source: str | bytes | os.PathLike[str]) -> str | bytes:
 
 
 def parse(document: str | bytes) -> Any:
-    """The root element; entities and internal DTDs are refused, and nothing outside the document is ever
-    loaded.
+    """Parse a document; returns its root element.
+
+    Entities and internal DTDs are refused, and nothing outside the document is ever loaded.
     """
     from xml.etree.ElementTree import TreeBuilder
 
@@ -62,7 +61,7 @@ def parse(document: str | bytes) -> Any:
     from defusedxml.ElementTree import DefusedXMLParser, ParseError
 
     class Tree(TreeBuilder):
-        """The elements of a document, not too many of them."""
+        """A builder of the elements of a document, up to `MOST_ELEMENTS`."""
 
         count = 0
 
@@ -77,7 +76,7 @@ def parse(document: str | bytes) -> Any:
             return super().start(tag, attrs)
 
     def refuse_declarations(name: str, system: str | None, public: str | None, has_declarations: int) -> None:
-        # GIMP's export has a DOCTYPE that names the DTD of SVG; it is harmless, as nobody fetches it.
+        # GIMP's export has a DOCTYPE that names the DTD of SVG, which is harmless, as it is never fetched.
         # Declarations in the document are not.
         if has_declarations:
             raise DTDForbidden(name, system, public)
@@ -104,13 +103,13 @@ def parse(document: str | bytes) -> Any:
 
 
 def tag_of(element: Any) -> str:
-    """The element's name in SVG, "" for elements of other namespaces."""
+    """Return the element's name in SVG, "" for elements of other namespaces."""
     namespace, brace, name = str(element.tag).rpartition("}")
     return name if not brace or namespace == "{" + NAMESPACE else ""
 
 
 def name_of(element: Any) -> str:
-    """The element's title, else its Inkscape label, else its id, else ""."""
+    """Return the element's title, else its Inkscape label, else its id, else ""."""
     titles = [child.text or "" for child in element if tag_of(child) == "title"]
     for name in (*titles, element.get(_LABEL), element.get("id")):
         if name and name.strip():
@@ -119,7 +118,7 @@ def name_of(element: Any) -> str:
 
 
 def settings_of(root: Any) -> dict[str, Any] | None:
-    """The first JSON object in any ``<metadata>``; editors add elements of their own around it."""
+    """Find the first JSON object in any ``<metadata>``; editors add elements of their own around it."""
     waiting = [(root, False)]
     while waiting:
         element, inside = waiting.pop()

@@ -13,11 +13,11 @@ from toposeam.errors import PathError
 from toposeam.vector.polyline import Polyline
 from toposeam.vector.svg_document import name_of, tag_of
 
-#: Most points that are read, curves flattened.
+#: Most points that are read, those of flattened curves included.
 MOST_POINTS = 1_000_000
-#: Most segments, other than of straight lines as TopoSeam writes them.
+#: Most segments that are read, apart from straight lines as TopoSeam writes them.
 MOST_SEGMENTS = 100_000
-#: Farthest a flattened curve may be from the true one.
+#: Largest distance of a flattened curve from the true one, px.
 FLATNESS_PX = 0.1
 
 #: Units of length, in px.
@@ -30,14 +30,14 @@ _TOKEN = re.compile(r"([MmLlHhVvCcSsQqTtAaZz])|[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+
 _FOREIGN = re.compile(r"[^MmLlHhVvCcSsQqTtAaZz0-9eE+\-.,\s]")
 
 _STRAIGHT = frozenset("MLZ0123456789.eE+-, \t\r\n")
-#: A path that is closed and goes on: svgelements looks back along all of it each time.
+#: A path that goes on after it was closed; and how often one may, as svgelements rereads all of it each time.
 _GOES_ON = re.compile(r"[Zz](?![\s,]*(?:[Mm]|$))")
 _MOST_GOING_ON = 100
-#: How many other segments an arc costs.
-_ARC = 5
+#: Number of other segments that take as long to read as an arc.
+_ARC_SEGMENTS = 5
 _SIMPLIFY = "simplify them (Inkscape: Path > Simplify), or save the seam alone"
-#: Longer texts are no lengths, and slow to match.
-_LONGEST_LENGTH = 100
+#: Longest text of a length, characters; longer ones are slow to match.
+_LONGEST_LENGTH_TEXT = 100
 
 #: The shapes that are read, each with the attributes that give its geometry.
 SHAPES = {
@@ -52,15 +52,15 @@ SHAPES = {
 
 
 def length_px(text: str | None) -> tuple[float, str]:
-    """A length in px and its unit; (NaN, "") for lengths that depend on something else, as 100% does."""
-    match = _LENGTH.fullmatch(text or "") if len(text or "") <= _LONGEST_LENGTH else None
+    """Read a length in px and its unit; (NaN, "") for lengths that depend on something else, as 100% does."""
+    match = _LENGTH.fullmatch(text or "") if len(text or "") <= _LONGEST_LENGTH_TEXT else None
     if not match or match[2] not in PX:
         return math.nan, ""
     return float(match[1]) * PX[match[2]], match[2]
 
 
 class Budget:
-    """What may still be read: hostile documents are refused before they cost more than some seconds."""
+    """The points and segments that may still be read, so that hostile documents take some seconds at most."""
 
     def __init__(self) -> None:
         self.points = MOST_POINTS
@@ -72,7 +72,7 @@ class Budget:
         Raises
         ------
         PathError
-            If there are not so many left.
+            If fewer are left.
         """
         self.points -= count
         if self.points < 0:
@@ -84,12 +84,12 @@ class Budget:
             )
 
     def spend_segments(self, count: int) -> None:
-        """Take segments, or what costs as much to read, away.
+        """Take segments away, or a number of them that takes as long to read.
 
         Raises
         ------
         PathError
-            If there are not so many left.
+            If fewer are left.
         """
         self.segments -= count
         if self.segments < 0:
@@ -102,7 +102,7 @@ class Budget:
 
 
 def transform_of(text: str, budget: Budget) -> Floats:
-    """The (3, 3) matrix of a ``transform`` attribute."""
+    """Read the (3, 3) matrix of a ``transform`` attribute."""
     from svgelements import Matrix
 
     budget.spend_segments(1 + len(text) // 20)
@@ -118,7 +118,7 @@ def transform_of(text: str, budget: Budget) -> Floats:
 
 
 def polylines_of(element: Any, matrix: Floats, budget: Budget) -> list[Polyline]:
-    """The lines of one shape in px."""
+    """Read the lines of one shape, in px."""
     tag = tag_of(element)
     shape = f"<{tag}> {name_of(element)!r}"
     geometry = {key: element.get(key) for key in SHAPES[tag] if element.get(key)}
@@ -157,7 +157,7 @@ def _path_data(tag: str, geometry: dict[str, str]) -> str:
 
 
 def _path(data: str, matrix: Floats, budget: Budget) -> list[tuple[Floats, bool]]:
-    """Points in px of every subpath of path data, and whether it is closed."""
+    """Read path data: the points in px of every subpath, and whether it is closed."""
     from svgelements import Path
 
     count = _count_points(data, budget.points)
@@ -168,7 +168,7 @@ def _path(data: str, matrix: Floats, budget: Budget) -> list[tuple[Floats, bool]
         budget.spend_segments(1 + len(straight))
         budget.spend_points(sum(len(points) for points, _ in straight))
         return straight
-    budget.spend_segments((1 + count) * (_ARC if "A" in data.upper() else 1))
+    budget.spend_segments((1 + count) * (_ARC_SEGMENTS if "A" in data.upper() else 1))
     if len(_GOES_ON.findall(data)) > _MOST_GOING_ON:
         raise PathError(
             "a path goes on after it was closed more than {most} times; {remedy}",
@@ -180,7 +180,7 @@ def _path(data: str, matrix: Floats, budget: Budget) -> list[tuple[Floats, bool]
 
 
 def _straight(data: str, matrix: Floats) -> list[tuple[Floats, bool]] | None:
-    """The same for path data as TopoSeam writes it, of M, L and Z alone; None for any other."""
+    """Read path data as TopoSeam writes it, of M, L and Z alone; None for any other."""
     start, *subpaths = data.split("M")
     if start.strip() or not _STRAIGHT.issuperset(data):
         return None
@@ -199,10 +199,10 @@ def _straight(data: str, matrix: Floats) -> list[tuple[Floats, bool]] | None:
 
 
 def _segments(tag: str, geometry: dict[str, str], budget: Budget) -> Any:
-    """A line, rectangle, circle or ellipse as svgelements' path segments."""
+    """Convert a line, rectangle, circle or ellipse to svgelements' path segments."""
     import svgelements
 
-    budget.spend_segments(4 * _ARC)
+    budget.spend_segments(4 * _ARC_SEGMENTS)
     kinds = {
         "line": svgelements.SimpleLine,
         "rect": svgelements.Rect,
@@ -216,8 +216,9 @@ def _segments(tag: str, geometry: dict[str, str], budget: Budget) -> Any:
 
 
 def _count_points(data: str, budget: int) -> int:
-    """How many points path data draws (a Z counts as one), or something above `budget`, before any is
-    drawn.
+    """Count the points that path data draws, before any is drawn; a Z counts as one.
+
+    The count ends above `budget`.
     """
     count, share, commands = 0.0, 1.0, 0
     for token in _TOKEN.finditer(data):
@@ -233,7 +234,7 @@ def _count_points(data: str, budget: int) -> int:
 
 
 def _flatten(segments: Any, matrix: Floats, budget: Budget) -> list[tuple[Floats, bool]]:
-    """Points in px of every subpath, and whether it is closed."""
+    """Flatten segments: the points in px of every subpath, and whether it is closed."""
     from svgelements import Arc, Close, CubicBezier, Move, QuadraticBezier
 
     lines: list[tuple[Floats, bool]] = []
@@ -285,7 +286,7 @@ def _xy(point: Any) -> tuple[float, float]:
 
 
 def _controls(curve: Any) -> Floats:
-    """The four control points of a cubic Bézier curve, or of a quadratic one raised to a cubic."""
+    """Return the four control points of a cubic Bézier curve, or of a quadratic one raised to a cubic."""
     if hasattr(curve, "control"):
         start, middle, end = (np.array(_xy(point)) for point in (curve.start, curve.control, curve.end))
         return np.array([start, start + (middle - start) * (2 / 3), end + (middle - end) * (2 / 3), end])
@@ -293,8 +294,9 @@ def _controls(curve: Any) -> Floats:
 
 
 def _bezier(control: Floats, budget: Budget) -> Floats:
-    """Points of a cubic Bézier curve after its first one, at equal steps of its parameter, within
-    `FLATNESS_PX` of the curve.
+    """Flatten a cubic Bézier curve: its points after the first one, at equal steps of the parameter.
+
+    The lines between them lie within `FLATNESS_PX` of the curve.
 
     The curve lies in the hull of its control points: it is straight when they are that close to the chord.
     Else a chord over a step h is off by at most h² max|B''| / 8, and max|B''| = 6 max|second difference of

@@ -15,7 +15,7 @@ from toposeam.errors import OptionError, Term
 from toposeam.heat.threads import one_thread
 from toposeam.seam.exact.graph_cut import least_cut
 from toposeam.seam.problem.match_cost import MatchCost, check_no_reach, match_options
-from toposeam.seam.problem.solution import Solution
+from toposeam.seam.problem.seam_problem import Solution
 from toposeam.volume.heat.method import SurfaceKeywords, SurfaceOptions, heat_surface
 from toposeam.volume.problem.posing import check_spacing, surface_problem
 from toposeam.volume.problem.surface_problem import SurfaceProblem

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from itertools import product
 
 import numpy as np
@@ -291,6 +293,23 @@ def test_masked_arrays_pil_pictures_and_axes_are_distinguished(crops):
         ts.find_seam(np.zeros((3, 30, 40)), np.zeros((3, 30, 40)))
     with pytest.raises(ts.ImageError, match="data_range"):
         ts.find_seam(a.astype(float), b.astype(float))
+
+
+@pytest.mark.medium  # a process of its own
+def test_an_engine_is_loaded_when_its_method_is_named():
+    code = (
+        "import sys, numpy as np, toposeam as ts\n"
+        "a, b = np.random.default_rng(0).random((2, 12, 6))\n"
+        "def loaded(): return [name for name in sys.modules if name.startswith('toposeam.seam.')]\n"
+        "ts.find_seam(a, b)\n"
+        "others = ('thesis', 'heat', 'keywords', 'dynamic', 'graph_cut', 'maximum', 'drawing', 'apply')\n"
+        "print([name for name in loaded() if any(word in name for word in others)])\n"
+        "print('toposeam.vector.svg' in sys.modules, 'toposeam.optimize.mma' in sys.modules)\n"
+        "ts.find_seam(a, b, method='thesis')\n"
+        "print('toposeam.seam.thesis.method' in loaded(), 'toposeam.seam.heat.method' in loaded())"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    assert ended.stdout.split("\n") == ["[]", "False False", "True False", ""]
 
 
 def test_identical_patches_take_the_shortest_way():

@@ -298,7 +298,7 @@ def test_the_bound_holds_after_every_sweep():
     assert flow.look().objective == pytest.approx(min(cuts), rel=1e-2)
 
 
-@pytest.mark.parametrize("never", ["grid_flow._MOST", "sweeps._MOVED"])  # no copies, or copies of all
+@pytest.mark.parametrize("never", ["grid_flow._MOST_AWAKE", "sweeps._MOVED"])  # no copies, or copies of all
 @pytest.mark.parametrize("shape", [(9, 11, 8), (1, 17, 20), (12, 9), (30,)])
 def test_bricks_do_not_change_what_a_sweep_does(monkeypatch, shape, never):
     cost, fixed, hot = cube(1, shape)
@@ -307,7 +307,7 @@ def test_bricks_do_not_change_what_a_sweep_does(monkeypatch, shape, never):
     monkeypatch.setattr("toposeam.heat.bricks._SIDES", {len(shape): shape})
     whole = GridFlow(cost, fixed, hot)
     monkeypatch.setattr("toposeam.heat.bricks._SIDES", {3: (2, 3, 4), 2: (3, 2), 1: (4,)})
-    monkeypatch.setattr("toposeam.heat.sweeps._AT_ONCE", 60)
+    monkeypatch.setattr("toposeam.heat.sweeps._BLOCK_VOXELS", 60)
     monkeypatch.setattr(f"toposeam.heat.{never}", -1)
     bricks = GridFlow(cost, fixed, hot)
     whole.sweep(60)
@@ -335,7 +335,7 @@ def test_bricks_at_rest_are_left_out_and_nothing_is_lost(monkeypatch):
     # The cheapest cut of all, by the flow of all bricks.
     assert flow.bound() >= 0.999 * flow.look().cut
     every = GridFlow(cost, fixed, hot)
-    monkeypatch.setattr("toposeam.heat.grid_flow._MOST", -1)
+    monkeypatch.setattr("toposeam.heat.grid_flow._MOST_AWAKE", -1)
     every.sweep(600)
     assert flow.look().cut == pytest.approx(every.look().cut, rel=1e-4)
 
@@ -359,7 +359,7 @@ def test_four_fifths_of_the_bricks_are_swept_alone(monkeypatch, awake):
 
 def test_bricks_swept_alone_receive_flow_of_resting_ones(monkeypatch):
     monkeypatch.setattr("toposeam.heat.bricks._SIDES", {3: (2, 4, 4)})
-    monkeypatch.setattr("toposeam.heat.grid_flow._MOST", -1)
+    monkeypatch.setattr("toposeam.heat.grid_flow._MOST_AWAKE", -1)
     cost, fixed, hot = cube(5, (8, 16, 16))
     cost[0][3] *= 0.01
     flow = GridFlow(cost, fixed, hot)

@@ -1,11 +1,12 @@
-"""Cheapest paths between the corners of pixels: two arrays of costs, one of SciPy's searches.
+"""Cheapest paths between the corners of pixels, by SciPy's search on two arrays of costs.
 
-``below[y, x]`` is the cost of going down from corner (y, x), ``beside[y, x]`` of going right; infinite is no
-way. Beyond the last row, and the last column, nothing leads anywhere.
+``below[y, x]`` is the cost of going down from corner (y, x), ``beside[y, x]`` of going right; an infinite
+cost means that there is no edge. No edge leads beyond the last row or the last column.
 
-Of many corners every other one is searched first, and again until few are left; then the path near that one
-is searched among all. A path between every other corner stands for those that stay within one corner of it.
-The cheapest of them takes in each row the least of three edges, the straight one only the middle edge::
+*Large windows.* The path is first searched among every other corner, recursively until few corners are left,
+and then among all corners near that coarse path. A coarse path stands for all paths within one corner of it.
+The cheapest of these takes the least of three edges in each row, the straight one always the middle edge; a
+coarse edge costs a mean of both::
 
     M'(X, Y) = Σ over y = 2Y, 2Y + 1:  w min(M(2X - 1, y), M(2X, y), M(2X + 1, y)) + (1 - w) M(2X, y)
 
@@ -23,14 +24,14 @@ from scipy.sparse.csgraph import dijkstra
 
 from toposeam.arrays import Floats32, Mask
 
-#: Edges are laid out for so many corners at a time.
-_BLOCK = 1 << 16
-#: The weight w above.
+#: Corners whose edges are laid out at a time, to bound the memory.
+_BLOCK_CORNERS = 1 << 16
+#: The weight w above, of paths that wander.
 _WANDERING = 0.6
-#: How far from the path between every other corner the path may run, corners.
-_BAND = 16
-#: How far from an end of the path its end among every other corner may lie, corners of these.
-_NEAR = 8
+#: Largest distance of the path from the coarse path, in corners.
+_BAND_CORNERS = 16
+#: Largest distance of an end of the coarse path from that of the path, in coarse corners.
+_END_CORNERS = 8
 _NO_WAY = np.float32(np.inf)
 
 
@@ -45,9 +46,10 @@ def cheapest_path(
     ends : (int, int)
         Flat indices.
     limit : float
-        No longer path is looked for.
+        Longer paths are not searched.
     whole : float
-        Of more corners every other one is searched first; the path then need not be the cheapest.
+        Largest number of corners that are searched at once. Among more, every other one is searched first;
+        the path then need not be the cheapest.
 
     Returns
     -------
@@ -68,7 +70,7 @@ def cheapest_path(
 def _searched(
     below: Floats32, beside: Floats32, ends: tuple[int, int], limit: float
 ) -> tuple[npt.NDArray[np.intp] | None, float]:
-    """The cheapest path of all, and its length, as :func:`cheapest_path` returns them."""
+    """Search the cheapest path among all corners; returns as :func:`cheapest_path` does."""
     graph = CornerGraph.of(below, beside, ends)
     return (None, np.inf) if graph is None else graph.cheapest_path(limit)
 
@@ -76,7 +78,7 @@ def _searched(
 def _beside_coarse_path(
     below: Floats32, beside: Floats32, ends: tuple[int, int], whole: float
 ) -> Mask | None:
-    """(h, w) bool: corners near the cheapest path between every other one; None where there is none."""
+    """Mark the corners near the cheapest coarse path, (h, w) bool; None where there is no such path."""
     stride = below.shape[1]
     coarse = _halved(below), np.ascontiguousarray(_halved(beside.T).T)
     start, end = (_nearest(*coarse, divmod(end, stride)) for end in ends)
@@ -88,12 +90,15 @@ def _beside_coarse_path(
     near = np.zeros(below.shape, bool)
     corners = [2 * value for value in np.divmod(path, coarse[0].shape[1])]
     for y, x in [*zip(*corners, strict=True), *(divmod(end, stride) for end in ends)]:
-        near[max(y - _BAND, 0) : y + _BAND + 1, max(x - _BAND, 0) : x + _BAND + 1] = True
+        near[
+            max(y - _BAND_CORNERS, 0) : y + _BAND_CORNERS + 1,
+            max(x - _BAND_CORNERS, 0) : x + _BAND_CORNERS + 1,
+        ] = True
     return near
 
 
 def _halved(below: Floats32) -> Floats32:
-    """The costs of going down between every other corner."""
+    """Compute M', the costs of going down between every other corner."""
     h, w = below.shape
     even = np.full((h + h % 2, w // 2 + w % 2), np.inf, np.float32)
     odd = even.copy()
@@ -106,7 +111,7 @@ def _halved(below: Floats32) -> Floats32:
     even *= np.float32(1 - _WANDERING)
     least *= np.float32(_WANDERING)
     even += least
-    # At the border, along which the path may begin, one of two edges may be missing.
+    # On the border of the overlap, where paths may begin, one of two edges may be missing; it costs nothing.
     even[missing] = 0
     result = even[::2] + even[1::2]
     result[missing[::2] & missing[1::2]] = np.inf
@@ -114,11 +119,12 @@ def _halved(below: Floats32) -> Floats32:
 
 
 def _nearest(below: Floats32, beside: Floats32, corner: tuple[int, int]) -> int | None:
-    """The flat index of the corner with a way on that is nearest to half of another corner's coordinates;
-    None where there is none close by.
+    """Find the coarse corner that is nearest to a given one and has an edge.
+
+    Returns its flat index among the coarse corners; None where there is none close by.
     """
-    top, left = (max(value // 2 - _NEAR, 0) for value in corner)
-    box = np.s_[top : top + 2 * _NEAR, left : left + 2 * _NEAR]
+    top, left = (max(value // 2 - _END_CORNERS, 0) for value in corner)
+    box = np.s_[top : top + 2 * _END_CORNERS, left : left + 2 * _END_CORNERS]
     y, x = np.nonzero(np.isfinite(below[box]) | np.isfinite(beside[box]))
     if not len(y):
         return None
@@ -140,10 +146,10 @@ class CornerGraph(NamedTuple):
 
     @classmethod
     def of(cls, below: Floats32, beside: Floats32, ends: tuple[int, int]) -> CornerGraph | None:
-        """The graph of some costs between two ends; None where nothing leads from one of them.
+        """Build the graph between two ends; None where no edge leaves one of them.
 
-        It is laid out by arithmetic: each corner that has an edge gets four, up, left, right and down, those
-        that are missing to itself at infinite cost, which is beyond any limit.
+        Each corner that has an edge gets four of them, up, left, right and down, so that the table of edges
+        is laid out by arithmetic; a missing edge has infinite cost, which is beyond any limit.
         """
         stride = below.shape[1]
         edges = np.isfinite(below), np.isfinite(beside)
@@ -158,10 +164,10 @@ class CornerGraph(NamedTuple):
         number[used] = np.arange(len(used), dtype=np.int32)
         source, target = (int(number[end]) for end in ends)
         neighbour, cost = np.empty((len(used), 4), np.int32), np.empty((len(used), 4))
-        # Counted from the end, what is before the first corner is the last one, from which nothing leads on.
+        # Indices wrap round: before the first corner comes the last one, from which no edge leads on.
         ways = ((-stride, below, True), (-1, beside, True), (1, beside, False), (stride, below, False))
-        for start in range(0, len(used), _BLOCK):
-            part = slice(start, start + _BLOCK)
+        for start in range(0, len(used), _BLOCK_CORNERS):
+            part = slice(start, start + _BLOCK_CORNERS)
             for column, (step, costs, back) in enumerate(ways):
                 there = used[part] + step
                 neighbour[part, column] = number.take(there, mode="wrap")
@@ -173,8 +179,10 @@ class CornerGraph(NamedTuple):
         return cls(table, used, source, target, below.shape)
 
     def cheapest_path(self, limit: float = np.inf) -> tuple[npt.NDArray[np.intp] | None, float]:
-        """The corners of the cheapest path from one end to the other, flat indices, and its length; None
-        where there is none within the limit.
+        """Search the cheapest path from one end to the other.
+
+        Returns the flat indices of its corners and its length; None and infinity where there is no path
+        within the limit.
         """
         length, before = dijkstra(self.edges, indices=self.source, return_predecessors=True, limit=limit)
         path = [self.target]

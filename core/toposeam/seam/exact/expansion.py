@@ -6,9 +6,9 @@ c = M_kj, turning q b = M_ik, and turning both nothing. With x = 1 for a turned 
 
     s + (c - b - s) / 2 x_p + (b - c - s) / 2 x_q + (b + c - s) / 2 |x_p - x_q|
 
-the unary costs of p and q and the cost of their interface, as a seam problem has them. That is submodular
-while s ≤ b + c. Where s > b + c, which no seam problem can say, b + c stands for s: the move is then chosen
-by too low a cost of what there is, and made only where it lowers the true one.
+the unary costs of p and q and the cost of their interface, as in a seam problem. It is submodular while
+s ≤ b + c. Where s > b + c, which a seam problem cannot express, b + c takes the place of s. The cut then
+underestimates the cost of the present labels, and the move is made only where the true cost falls.
 
 *A worked example.* One row of four pixels, of which the first shows i, the second and third j, the fourth k;
 the second and third may turn to k. With M_ij = 5, M_ik = 1, M_jk = 3 at every interface::
@@ -36,22 +36,30 @@ import numpy.typing as npt
 from toposeam.arrays import AnyInts, Floats, Indices, Mask
 from toposeam.heat.network import Network
 
-#: Decides a network: from conductors and costs to the nodes on the hot side, (n,) bool.
+#: A solver of minimum cuts: from a network and the costs of its elements to the nodes on the hot side, (n,)
+#: bool.
 Decide = Callable[[Network, Floats], Mask]
 
-#: A move counts when it lowers the cost of what it may change by this share.
+#: Least share by which a move must lower the cost of the pixels that it may change; less is rounding.
 LEAST_GAIN = 1e-7
-#: Least cost of an interface, so that no pixel is without connection.
+#: Least cost of an interface, so that every pixel is connected.
 _LEAST_LINK = 1e-6
 
 
 def interfaces_beside(open_: Mask, known: Mask) -> tuple[Indices, Indices]:
-    """The interfaces beside some pixels of a box, of which both are known, by flat indices: the left or upper
-    pixels, and the others. Neighbours in a row come first.
+    """Return the interfaces beside some pixels of a box, first those between neighbours in a row.
 
     Parameters
     ----------
-    open_, known : (h, w) bool arrays
+    open_ : (h, w) bool array
+        At least one of the two pixels of an interface is among these,
+    known : (h, w) bool array
+        and both are among these.
+
+    Returns
+    -------
+    first, second : (E,) int arrays
+        Flat indices of the left or upper pixels, and of the others.
     """
     first = []
     for s, t in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
@@ -63,11 +71,13 @@ def interfaces_beside(open_: Mask, known: Mask) -> tuple[Indices, Indices]:
 
 @dataclass(frozen=True, eq=False)
 class BinaryCut:
-    """Nodes to be divided between two terminals. Of connected ones that one terminal alone pulls at, all go
-    to it, so that only the others are a network.
+    """Nodes to be divided between two terminals at least cost.
+
+    A connected component that only one terminal pulls at goes to it as a whole; only the others need a
+    minimum cut.
     """
 
-    #: (n,) the connected component of each node, and whether it is one of those of which no two are joined.
+    #: (n,) the connected component of each node, and a mask of nodes of which no two are joined.
     component: npt.NDArray[np.int32]
     apart: Mask
     #: (E,) elements: the nodes they join, n for the cold terminal, n + 1 for the hot one, and their costs.
@@ -77,7 +87,7 @@ class BinaryCut:
 
     @cached_property
     def _pulled(self) -> npt.NDArray[np.bool_]:
-        """(2, n) bool: at the components of which nodes the cold terminal pulls, and the hot one."""
+        """(2, n) bool: nodes whose component is joined to the cold terminal, and to the hot one."""
         n = len(self.component)
         pulled = np.zeros((2, int(self.component.max(initial=0)) + 1), bool)
         for side, terminal in zip(pulled, (n, n + 1), strict=True):
@@ -85,8 +95,9 @@ class BinaryCut:
         return pulled[:, self.component]
 
     def network(self) -> tuple[Network, Floats, Indices]:
-        """Those nodes that both terminals pull at, the cost of the elements they take part in, and which they
-        are.
+        """Build the network of the nodes that both terminals pull at.
+
+        Returns the network, the costs of its elements, and the indices of its nodes.
         """
         open_: Mask = np.logical_and(*self._pulled)
         chosen = np.flatnonzero(open_)
@@ -99,8 +110,9 @@ class BinaryCut:
         return network, self.cost[own], chosen
 
     def hot(self, chosen: Indices, decided: Mask, now: Mask | None) -> Mask:
-        """(n,) bool: which nodes end on the hot side when some are decided; those that nothing pulls at are
-        as they are now.
+        """Return the hot nodes, (n,) bool, once a cut has decided the chosen ones.
+
+        Nodes that no terminal pulls at stay as in `now`; by default they are cold.
         """
         cold, hot = self._pulled
         result = np.array(hot & ~cold if now is None else np.where(cold | hot, hot, now), bool)
@@ -108,7 +120,7 @@ class BinaryCut:
         return result
 
     def solve(self, decide: Decide, now: Mask | None = None) -> Mask:
-        """(n,) bool: which nodes end on the hot side."""
+        """Divide all nodes; returns those on the hot side, (n,) bool."""
         network, cost, chosen = self.network()
         return self.hot(chosen, decide(network, cost) if len(chosen) else np.zeros(0, bool), now)
 
@@ -125,12 +137,12 @@ class ExpansionMove:
     ends : two (E,) int arrays
         The interfaces beside those pixels: their left or upper pixels, and the others.
     labels, turned : (N,) int arrays
-        What shows, and what would show if all turned that may: each of these beside each other alike.
+        The present labels, and those when every pixel has turned that may.
     paid : callable
-        What interfaces cost, (e,) float64, whose ends show certain labels: from these, (e,) each, and the
-        numbers of the interfaces. It costs nothing where they are equal.
+        Costs of interfaces, (e,) float64, from the labels at their two ends, (e,) each, and their numbers; 0
+        where the labels are equal, and the same for either order of two labels.
     own : two (n,) float arrays, optional
-        What pixels that may turn cost besides, in order, when they stay and when they turn.
+        Unary costs of the pixels that may turn, in order: when they stay, and when they turn.
     """
 
     def __init__(
@@ -147,25 +159,25 @@ class ExpansionMove:
         p, q = ends
         self._nodes = np.flatnonzero(piece)
         i, j, to_i, to_j = labels[p], labels[q], turned[p], turned[q]
-        # Most interfaces lie inside of what shows one label: they cost nothing, and as much whichever turns.
+        # Most interfaces lie within one label: they cost nothing now, and the same whether p or q turns.
         unlike = np.flatnonzero((i != j) | (to_i != to_j))
         self._q_turns = paid(i, to_j, slice(None))
         self._stay, self._p_turns = np.zeros(len(p)), self._q_turns.copy()
         self._stay[unlike] = paid(i[unlike], j[unlike], unlike)
         self._p_turns[unlike] = paid(to_i[unlike], j[unlike], unlike)
-        #: Interfaces of which other ends turn than both alike.
+        #: Interfaces whose two ends differ in their present labels, or once both have turned.
         self._unlike = unlike
 
     def turned(self, decide: Decide, *, dearer: float = 0.0, now: Mask | None = None) -> Indices:
-        """The pixels that turn in the minimum cut.
+        """Find the pixels that turn in the minimum cut.
 
         Parameters
         ----------
         decide : callable
         dearer : float
-            By what share the present interfaces cost more.
+            Share that is added to the costs of the present labels' interfaces.
         now : (N,) bool array, optional
-            Which pixels that nothing pulls at turn; by default none.
+            Pixels that turn where nothing decides; by default none.
         """
         nodes, piece, unlike = self._nodes, self._piece, self._unlike
         if not len(nodes):
@@ -176,7 +188,7 @@ class ExpansionMove:
         c, b, s = self._p_turns[unlike], self._q_turns[unlike], self._stay[unlike] * (1 + dearer)
         inside, on_p, on_q = both[unlike], free_p[unlike], free_q[unlike]
         least = np.minimum(s, c + b)
-        # What turning costs more than staying.
+        # Cost of turning, less the cost of staying.
         more_p = np.where(inside, (c - b - least) / 2, c - s)[on_p]
         more_q = np.where(inside, (b - c - least) / 2, b - s)[on_q]
         count = len(nodes)
@@ -198,7 +210,7 @@ class ExpansionMove:
         return nodes[cut.solve(decide, None if now is None else now[nodes])]
 
     def gaining(self, turned: Indices) -> tuple[Indices, float]:
-        """Those of some turned pixels whose piece thereby costs less, and by how much all of these do."""
+        """Keep the turned pixels of those pieces whose cost falls; returns them, and by how much it falls."""
         if not len(turned):
             return turned, 0.0
         p, q = self._ends

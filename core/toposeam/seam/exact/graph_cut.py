@@ -14,7 +14,7 @@ from toposeam.seam.problem.seam_problem import SeamProblem
 
 
 def graph_cut_labels(problem: SeamProblem) -> Mask:
-    """The labelling of least cost, (h, w) bool.
+    """Find the labelling of least cost, (h, w) bool.
 
     Raises
     ------
@@ -27,7 +27,7 @@ def graph_cut_labels(problem: SeamProblem) -> Mask:
 
 
 def least_cut(network: Network, weight: Floats) -> Mask:
-    """The nodes on the hot side of the cheapest cut, (n,) bool.
+    """Find the nodes on the hot side of the cheapest cut, (n,) bool.
 
     Parameters
     ----------

@@ -2,8 +2,8 @@
 
 OR-tools computes the flow where it is installed and there is much to cut (push and relabel, Goldberg and
 Tarjan 1988, doi:10.1145/48014.61051), SciPy elsewhere (Dinic 1970), and the cut is the same to the bit:
-capacities are whole numbers, and what the hot terminal still reaches beside a maximum flow, whichever of
-several it is, is the one smallest hot side of all minimum cuts (Ford and Fulkerson 1962).
+capacities are whole numbers, and the nodes that the hot terminal still reaches in the residual network of any
+maximum flow are the smallest hot side of all minimum cuts (Ford and Fulkerson 1962).
 """
 
 from __future__ import annotations
@@ -19,20 +19,21 @@ from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 from toposeam.arrays import Floats, Ints32, Mask
 from toposeam.heat.network import Network
 
-#: From the number of free nodes, and tails, heads and capacities of all elements in both directions, (2 E,)
-#: each, to the nodes that the hot terminal still reaches beside a maximum flow from there to the cold one.
+#: A solver of maximum flows from the hot to the cold terminal: from the number of free nodes, and the tails,
+#: heads and capacities of all elements in both directions, (2 E,) each, to the nodes that the hot terminal
+#: still reaches in the residual network.
 Engine = Callable[[int, Ints32, Ints32, Ints32], Ints32]
 
-#: Capacities are rounded so that their sum stays below this.
-_CAPACITY = 2**31 - 2
-#: … and the median one is at most this.
-_FINEST = 1e6
-#: On networks of so many nodes in all OR-tools saves the time that loading it takes.
+#: Bound of the sum of all rounded capacities: SciPy's flows are 32-bit integers.
+_LARGEST_SUM = 2**31 - 2
+#: Bound of the median rounded capacity: a millionth of it is fine enough.
+_LARGEST_MEDIAN = 1e6
+#: Nodes that a process must have cut, in all, before OR-tools saves more time than loading it takes.
 LOADED = 70_000
 
 
 def minimum_cut(network: Network, weight: Floats) -> Mask:
-    """Which free nodes end on the hot side of a minimum cut, of all those the one with the fewest.
+    """Find the free nodes on the hot side of a minimum cut: the smallest such side.
 
     Parameters
     ----------
@@ -46,10 +47,10 @@ def minimum_cut(network: Network, weight: Floats) -> Mask:
     (n,) bool array
     """
     n = network.n
-    scale = _CAPACITY / 4 / weight.sum()
-    if len(weight) < _CAPACITY / 2 / _FINEST:  # else the median, at most twice the mean, bounds nothing
+    scale = _LARGEST_SUM / 4 / weight.sum()
+    if len(weight) < _LARGEST_SUM / 2 / _LARGEST_MEDIAN:  # else the median, at most twice the mean, is small
         middle = np.median(weight)
-        scale = min(scale, _FINEST / middle) if middle > 0 else scale
+        scale = min(scale, _LARGEST_MEDIAN / middle) if middle > 0 else scale
     capacity = np.rint(weight * scale).astype(np.int32)
     tail, head = network.tail.astype(np.int32), network.head.astype(np.int32)
     one_way, other_way = np.concatenate([tail, head]), np.concatenate([head, tail])
@@ -60,24 +61,27 @@ def minimum_cut(network: Network, weight: Floats) -> Mask:
 
 
 def by_scipy(n: int, tail: Ints32, head: Ints32, capacity: Ints32) -> Ints32:
-    """An :data:`Engine` that is always there."""
+    """Solve by SciPy, which is always installed: an :data:`Engine`."""
     graph = csr_array((capacity, (tail, head)), shape=(n + 2, n + 2))
     flow = maximum_flow(graph, n + 1, n).flow
-    graph.data -= flow.data  # both have every element in both directions, in one order
+    graph.data -= flow.data  # both hold every element in both directions, in the same order
     graph.eliminate_zeros()
     reached: Ints32 = breadth_first_order(graph, n + 1, return_predecessors=False)
     return reached
 
 
 class _Work:
-    """What this process has had to cut."""
+    """The work of this process so far."""
 
+    #: Free nodes of all networks that it has cut.
     nodes = 0
 
 
 def _engine_for(n: int) -> Engine:
-    """The engine for the next `n` nodes. OR-tools' is loaded once that would have been worth it: where there
-    is little to cut nothing is lost, and elsewhere never more than loading takes.
+    """Choose the engine for the next `n` nodes.
+
+    OR-tools is loaded once the work so far would have paid for it, so that a process with little work never
+    loads it, and any other loses at most the time that loading takes.
     """
     _Work.nodes += n
     return (or_tools() if _Work.nodes > LOADED else None) or by_scipy
@@ -85,7 +89,7 @@ def _engine_for(n: int) -> Engine:
 
 @cache
 def or_tools() -> Engine | None:
-    """OR-tools' :data:`Engine`; None where it is not installed, or cannot divide a network of one node."""
+    """Load OR-tools' :data:`Engine`; None where it is not installed, or fails on a network of one node."""
     try:
         from ortools.graph.python.max_flow import SimpleMaxFlow
 
@@ -97,6 +101,6 @@ def or_tools() -> Engine | None:
 
         small = np.array([[0, 0, 1, 2], [1, 2, 0, 0], [1, 2, 1, 2]], np.int32)
         works = sorted(by_or_tools(1, *small)) == [0, 2]
-    except Exception:  # another version's ways, or a library that does not load
+    except Exception:  # another version's interface, or a library that does not load
         return None
     return by_or_tools if works else None

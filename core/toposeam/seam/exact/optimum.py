@@ -20,7 +20,6 @@ from scipy.sparse.csgraph import connected_components
 
 from toposeam.arrays import AnyInts, Floats32, Mask
 from toposeam.seam.exact.corner_graph import cheapest_path
-from toposeam.seam.exact.maximum_flow import minimum_cut
 from toposeam.seam.problem.overlap import FREE, NONE, TOUCHING, A, B
 from toposeam.seam.problem.seam_problem import SeamProblem, geometry
 
@@ -41,12 +40,12 @@ def exact_labels(
     ----------
     problem : SeamProblem
     most : float
-        What some seam is known to cost: none dearer is looked for.
+        Cost of a known seam; dearer ones are not searched.
     flow : callable, optional
-        Divides some free pixels where the cut is no path; by default :func:`cut_by_flow` does.
+        Divides free pixels whose cut is not a path; by default :func:`cut_by_flow`.
     whole : float
-        Paths among more corners are searched near the best one of every other corner, and need not be the
-        cheapest.
+        Largest number of corners among which a path is searched at once. Among more it is searched near the
+        best one of every other corner, and need not be the cheapest.
 
     Returns
     -------
@@ -55,7 +54,7 @@ def exact_labels(
     side = problem.overlap.side
     labels = problem.complete(np.zeros(side.shape, bool)).astype(bool, copy=False)
     for box, pixels, alone in pieces(side == FREE):
-        # Costs beside further layers belong to no interface, hence to no path.
+        # Unary costs belong to no interface, hence to no path.
         found = (
             None
             if problem.tied
@@ -78,27 +77,26 @@ def shortest_path(
     zone: Mask | None = None,
     whole: float = np.inf,
 ) -> Mask | None:
-    """Labels of the free pixels of a box, cut by one shortest path between corners; None where the cut is not
-    a single path.
+    """Label the free pixels of a box by one shortest path; None where the cut is not a single path.
 
     Parameters
     ----------
     problem : SeamProblem
     box : (slice, slice)
-        Rows and columns of the window, one pixel more all round than what is free in it.
+        Rows and columns of the window: the bounding box of the free pixels, and one pixel around it.
     free : (h, w) bool array
         On the box.
     most : float
-        What some seam there is known to cost: none dearer is looked for.
+        Cost of a known seam there; dearer ones are not searched.
     zone : (h, w) bool array, optional
-        On the box: the seam runs beside these pixels only.
+        On the box: the seam may run beside these pixels only.
     whole : float
-        In boxes of more corners the path is searched near the best one between every other corner.
+        Largest number of corners that are searched at once, as for :func:`exact_labels`.
 
     Returns
     -------
     (h, w) bool array
-        On the box; what is not free has any value.
+        On the box; pixels that are not free have arbitrary values.
 
     Notes
     -----
@@ -121,7 +119,7 @@ def shortest_path(
     ends = border.ends()
     if ends is None:
         return None
-    # Beyond the last row, and the last column, nothing leads anywhere.
+    # No edge leads beyond the last row or the last column.
     below, beside = (np.full((h + 1, w + 1), np.inf, np.float32) for _ in range(2))
     layout = (below[:-1, 1:-1], beside[1:-1, :-1])
     for costs, cost, gap, (s, t) in zip(layout, _costs(problem, box), border.gaps, _PAIRS, strict=True):
@@ -143,7 +141,7 @@ def shortest_path(
 
 
 def cut_cost(problem: SeamProblem, box: _Box, free: Mask, labels: Mask) -> float:
-    """What a labelling of a box costs beside its free pixels."""
+    """Sum the costs of the interfaces beside free pixels that a labelling of a box cuts."""
     return sum(
         float(cost[(labels[s] != labels[t]) & (free[s] | free[t])].sum(dtype=np.float64))
         for cost, (s, t) in zip(_costs(problem, box), _PAIRS, strict=True)
@@ -151,8 +149,10 @@ def cut_cost(problem: SeamProblem, box: _Box, free: Mask, labels: Mask) -> float
 
 
 def pieces(free: Mask) -> Iterator[tuple[_Box, Mask, bool]]:
-    """Every piece of what is free: its window with one pixel around it, which always is there; its pixels on
-    the window; and whether it is the only one.
+    """Yield every connected piece of the free pixels.
+
+    For each: its bounding box and one pixel around it, for which the window's margin has room; its pixels in
+    that box; and whether it is the only piece.
     """
     component, count = scipy.ndimage.label(free)
     boxes = [
@@ -160,7 +160,7 @@ def pieces(free: Mask) -> Iterator[tuple[_Box, Mask, bool]]:
         for y, x in scipy.ndimage.find_objects(component)
     ]
     if count == 1:
-        del component  # four bytes per pixel that whoever looks at the piece would have to go without
+        del component  # frees four bytes per pixel before the caller works on the piece
         yield boxes[0], free[boxes[0]], True
         return
     for index, box in enumerate(boxes, 1):
@@ -168,24 +168,24 @@ def pieces(free: Mask) -> Iterator[tuple[_Box, Mask, bool]]:
 
 
 def _costs(problem: SeamProblem, box: _Box) -> tuple[Floats32, Floats32]:
-    """Costs of the interfaces of a box, those of neighbours in a row first."""
+    """Return the costs of the interfaces of a box, first those between neighbours in a row."""
     (rows, columns), before = box, [slice(part.start, part.stop - 1) for part in box]
     return problem.right[rows, before[1]], problem.down[before[0], columns]
 
 
 class Border(NamedTuple):
-    """Interfaces between what is free in a box and what is decided, those of neighbours in a row first."""
+    """Interfaces between the free pixels of a box and others, first those between neighbours in a row."""
 
-    on_b: list[Mask]  #: where ``b`` is
-    gaps: list[Mask]  #: where nothing is
-    to_a: float  #: what it costs to cut off ``a``, and ``b``
-    to_b: float
+    on_b: list[Mask]  #: beside pixels fixed to ``b``
+    gaps: list[Mask]  #: beside pixels that neither patch covers
+    to_a: float  #: total cost of the interfaces beside pixels fixed to ``a``
+    to_b: float  #: likewise for ``b``
 
     def ends(self) -> tuple[int, int] | None:
-        """The two corners between which the seam runs; None where it is no single path.
+        """Find the two corners between which the seam runs; None where it is not a single path.
 
-        All free pixels to ``a`` is one valid cut. Any other has the same ends: those it meets an odd number
-        of times, corners along one gap counting as one.
+        One valid cut gives all free pixels to ``a``. Every other cut has the same ends: the corners that this
+        one meets an odd number of times, where all corners along one gap count as one.
         """
         on_cut, along_gap = geometry(*self.on_b)[2:], geometry(*self.gaps)[2:]
         corners, place = np.unique(np.concatenate([*on_cut, *along_gap]), return_inverse=True)
@@ -204,13 +204,13 @@ class Border(NamedTuple):
 
 
 def border_of(problem: SeamProblem, box: _Box, free: Mask) -> Border:
-    """What lies beside the free pixels of a box: (h, w) bool, on the box."""
+    """Find the interfaces between the free pixels of a box, (h, w) bool, and the pixels beside them."""
     side = problem.overlap.side[box]
     on_b: list[Mask] = []
     gaps: list[Mask] = []
     cost_of = {A: 0.0, B: 0.0}
     for cost, (s, t) in zip(_costs(problem, box), _PAIRS, strict=True):
-        # Of the interfaces with what is decided there are few.
+        # Few interfaces lie between a free pixel and another: their indices take less time than masks.
         outer = np.flatnonzero(free[s] != free[t])
         one, other = (side[part].ravel()[outer] for part in (s, t))
         beyond = np.where(one == FREE, other, one)
@@ -224,17 +224,17 @@ def border_of(problem: SeamProblem, box: _Box, free: Mask) -> Border:
 
 
 def _sides_of(path: npt.NDArray[np.intp], side: npt.NDArray[np.uint8], free: Mask) -> Iterator[Mask]:
-    """Which pixels show ``b``, once a path of corners divides them: those on its right, or else on its left;
-    neither where a piece of them would lie on both.
+    """Yield the labellings that a path of corners allows: ``b`` on its right, and ``b`` on its left.
 
-    The free pixels beside the path are marked by its direction; what they leave are whole pieces
-    (:func:`scipy.ndimage.label`), and each takes after its neighbours.
+    One is left out where a piece of the free pixels would have to show both patches. The free pixels beside
+    the path are marked by its direction; the others form whole pieces (:func:`scipy.ndimage.label`), and each
+    piece gets the label of its neighbours.
     """
     w = side.shape[1]
     y, x = np.divmod(path, w + 1)
     down, right = np.diff(y), np.diff(x)
     y, x = np.minimum(y[1:], y[:-1]), np.minimum(x[1:], x[:-1])
-    # Somebody who walks right has the upper pixel on the left, somebody who walks down the right one.
+    # Where the path goes right, the upper pixel lies on its left; where it goes down, the right one does.
     on_left = y * w + x - np.where(right == 1, w, 0) - (down == -1)
     on_right = y * w + x - np.where(right == -1, w, 0) - (down == 1)
     is_a, is_b, left, righthand = 1, 2, 3, 4
@@ -255,14 +255,18 @@ def _sides_of(path: npt.NDArray[np.intp], side: npt.NDArray[np.uint8], free: Mas
 
 
 def cut_by_flow(problem: SeamProblem, pixels: Mask) -> Mask:
-    """Labels of some free pixels, (h, w) bool, by maximum flow between the two sides; costs are rounded
-    (:func:`toposeam.seam.exact.maximum_flow.minimum_cut`).
+    """Label some free pixels, (h, w) bool, by maximum flow between the two sides.
+
+    Costs are rounded (:func:`toposeam.seam.exact.maximum_flow.minimum_cut`).
     """
+    from toposeam.seam.exact.maximum_flow import minimum_cut
+
     network, weight, index = problem.grid.network(pixels)
-    if not len(weight):  # nothing is known of them: all is as good
+    if not len(weight):  # no interface has a cost: every labelling is as good
         return np.zeros(pixels.shape, bool)
-    # Next to dear interfaces rounding would lose the others: one that costs more than some cut is in no best
-    # one. Such cuts are those round either terminal, and that of all interfaces that are not forbidden.
+    # Rounding relative to very dear interfaces would lose the others. An interface that costs more than a
+    # whole cut is in no best cut, so costs are limited by the cheapest of three known cuts: all interfaces of
+    # either terminal, and all interfaces that are not forbidden.
     ordinary = float(weight[weight < problem.forbidden].sum())
     cuts = [ordinary] + [
         float(weight[(network.tail == end) | (network.head == end)].sum())
@@ -273,7 +277,7 @@ def cut_by_flow(problem: SeamProblem, pixels: Mask) -> Mask:
 
 
 def labels_of_nodes(hot: Mask, index: AnyInts, shape: tuple[int, int]) -> Mask:
-    """The (h, w) labelling in which the pixels of the hot nodes are True."""
+    """Return the (h, w) labelling in which the pixels of the hot nodes are True."""
     labels = np.zeros(shape, bool)
     labels.ravel()[index] = hot
     return labels

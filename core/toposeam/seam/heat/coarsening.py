@@ -1,11 +1,12 @@
-"""From coarse to fine: which pixels of a large overlap the seam can still choose between.
+"""From coarse to fine: the pixels of a large overlap between which the seam can still choose.
 
-A large network is shrunk by merging every node with the neighbour it is most expensive to divide from, again
-and again, as multilevel graph partitioning does (Karypis and Kumar 1998, doi:10.1137/S1064827595287997). A
-seam hardly ever wants those interfaces, and the costs of all the others stay exact, so the coarse problem is
-the fine one with bad choices removed. A few heat steps on the coarsest network show where heat flows at all.
-On the next finer one only the nodes beside such flow are free; the others stay merged with the side they lie
-on, or with their region between two flows. There the heat starts anew, and so on down to the pixels.
+A large network is shrunk by merging every node with the neighbour that is most expensive to divide from it,
+again and again, as multilevel graph partitioning does (Karypis and Kumar 1998,
+doi:10.1137/S1064827595287997). A seam hardly ever cuts those interfaces, and the costs of all the others stay
+exact, so the coarse problem is the fine one with bad choices removed. A few heat steps on the coarsest
+network show where heat flows at all. On the next finer one only the nodes beside such flow are free; the
+others stay merged with the side they lie on, or with their region between two flows. There the heat starts
+anew, and so on down to the pixels.
 """
 
 from __future__ import annotations
@@ -23,31 +24,30 @@ from toposeam.heat.primal_dual import PrimalDual
 from toposeam.seam.heat.heavy_edge_matching import merge_nodes, merge_pixels
 from toposeam.seam.problem.grid import CutGrid
 
-#: Overlaps with up to this many free pixels are solved whole.
+#: Largest overlap, in free pixels, that is solved without coarsening.
 WHOLE_NODES = 30_000
 
-#: Coarse networks up to this many free nodes are not made coarser still.
+#: Number of free nodes at which coarsening ends.
 COARSEST_NODES = 12_000
 
-#: The heat of a coarse network has gathered enough when its best cut is proven within this share; steps at
-#: most.
-GATHERED = 0.1
-STEPS = 10
-#: Nor are further steps made beyond this.
-PROVEN = 1e-3
+#: Gap between the best cut and the bound, as a share of the bound, at which the heat of a coarse network has
+#: gathered enough; and the most Newton steps it gets.
+GATHERED_GAP = 0.1
+MOST_STEPS = 10
+#: Gap, likewise, at which steps end even if faint flows still join the two sides.
+PROVEN_GAP = 1e-3
 
-#: At most so many nodes of a coarse network per interface of the seam are taken apart on the next finer
-#: level, and fewer when that is the pixels, which can only decide details ...
+#: Most nodes of a coarse network, per interface of the seam, that are taken apart on the next finer level;
+#: fewer where that level is the pixels, which decide only details. Strong flux comes first.
 OPENED_NODES = 64
 OPENED_NODES_LAST = 16
-#: ... those beside the strongest flux, but none with less than this.
+#: Least flux, of a total of 1, beside a node that is taken apart.
 OPEN_FLUX = 0.005
 
-
-#: Elements are put in order so many at a time.
-_BLOCK = 1 << 16
-#: Pixels are counted so many at a time, for numpy counts 64-bit integers only.
-_COUNTED = 1 << 20
+#: Elements sorted at a time, to bound the memory.
+_BLOCK_ELEMENTS = 1 << 16
+#: Pixels counted at a time, to bound the memory: numpy counts 64-bit integers only.
+_BLOCK_PIXELS = 1 << 20
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,21 +114,22 @@ def _gather(grid: CutGrid) -> tuple[Mask, Ints32, Ints32]:
 
 
 def restrict(grid: CutGrid) -> tuple[Network, Floats, Floats, Ints32]:
-    """The network of the free pixels without those that coarser networks show to be decided.
+    """Build the network of the free pixels that coarser networks leave undecided.
 
     *A worked example.* One row of eight free pixels between ground of a alone and of b alone. Interfaces
     cost ::
 
         a 9 p0 9 p1 5 p2 9 p3 1 p4 9 p5 5 p6 9 p7 9 b
 
-    Each pixel merges with the neighbour it costs most to divide from: four pairs, and between them only what
-    they have to pay, 9 | 5 | 1 | 5 | 9. There most of the heat's difference falls at the 1. The two pairs
-    beside it are opened (were five pixels the most, per interface of the seam); the outer ones lie on the
-    cold and on the hot side of that flow, and become part of these terminals. Left are the pixels p2 to p5 ::
+    Each pixel merges with the neighbour that is most expensive to divide from it. That makes four pairs, and
+    the interfaces between them and to the two sides cost 9 | 5 | 1 | 5 | 9. Most of the potential difference
+    falls at the 1. The two pairs beside it are opened (if five pixels may be, per interface of the seam); the
+    outer ones lie on the cold and on the hot side of that flow, and become part of these terminals. Left are
+    the pixels p2 to p5 ::
 
         cold 5 p2 9 p3 1 p4 9 p5 5 hot
 
-    with the same costs as before: whatever is chosen among them costs what it costs on the whole row.
+    with the same costs as before, so that each choice among them costs what it costs on the whole row.
 
     Parameters
     ----------
@@ -155,7 +156,7 @@ def _network(n: int, tail: Ints32, head: Ints32) -> Network:
 
 
 def _pixel_elements(grid: CutGrid, group: Ints32, n: int) -> tuple[Ints32, Ints32, Floats32]:
-    """The interfaces between n groups of pixels and the two terminals: two nodes each, and the cost."""
+    """List the interfaces between n groups of pixels and the two terminals: two nodes each, and the cost."""
     pairs = ((grid.right, group[:, :-1], group[:, 1:]), (grid.down, group[:-1], group[1:]))
     divided = [(one != other) & (cost > 0) for cost, one, other in pairs]
     divided[0] &= grid.free[:, :-1] & grid.free[:, 1:]
@@ -177,12 +178,13 @@ def _pixel_elements(grid: CutGrid, group: Ints32, n: int) -> tuple[Ints32, Ints3
 def _parallel(
     n: int, one: Ints32, other: Ints32, *values: npt.NDArray[np.floating]
 ) -> tuple[Ints32, Ints32, list[Floats]]:
-    """Elements between n nodes and two terminals, parallel ones added up; those within a node or between the
-    terminals are left out. `one` and `other` are written to.
+    """Add up parallel elements between n nodes and two terminals.
+
+    Elements within a node or between the terminals are left out. `one` and `other` are overwritten.
     """
     low, high = one, other
-    for start in range(0, len(one), _BLOCK):
-        part = slice(start, start + _BLOCK)
+    for start in range(0, len(one), _BLOCK_ELEMENTS):
+        part = slice(start, start + _BLOCK_ELEMENTS)
         least = np.minimum(one[part], other[part])
         np.maximum(one[part], other[part], out=high[part])
         low[part] = least
@@ -199,16 +201,16 @@ def _parallel(
 
 
 def _quotient(n: int, one: Ints32, other: Ints32, weight: npt.NDArray[np.floating], size: Floats) -> _Level:
-    """The level of n groups of nodes, and the terminals; elements are written to."""
+    """Build the level of n groups of nodes and the terminals; `one` and `other` are overwritten."""
     tail, head, (weight,) = _parallel(n, one, other, weight)
     return _Level(n, tail, head, weight, size)
 
 
 def _pixels_in(group: Ints32, n: int) -> Floats:
-    """(n + 2,) pixels of each group, none of the terminals."""
+    """Count the pixels of each group, (n + 2,) floats; terminals have none."""
     size = np.zeros(n + 2, np.intp)
-    for start in range(0, group.size, _COUNTED):
-        size += np.bincount(group.ravel()[start : start + _COUNTED], minlength=n + 2)
+    for start in range(0, group.size, _BLOCK_PIXELS):
+        size += np.bincount(group.ravel()[start : start + _BLOCK_PIXELS], minlength=n + 2)
     size[n:] = 0
     return size.astype(np.float64)
 
@@ -221,8 +223,9 @@ def _decided(
     children: Floats,
     opened: float,
 ) -> tuple[Mask, Ints32]:
-    """Let heat gather on the restricted network of a level; at most `opened` nodes per interface of the seam
-    are active.
+    """Let heat gather on the restricted network of a level, and find the nodes that stay undecided.
+
+    At most `opened` nodes per interface of the seam are active.
 
     Returns
     -------
@@ -232,11 +235,11 @@ def _decided(
         The region of every node that is not active; those of the terminals come last.
     """
     state = PrimalDual(network, weight)
-    for left in reversed(range(STEPS + 1)):
-        if state.best_cut()[0] <= (1 + GATHERED) * state.bound or not left:
+    for left in reversed(range(MOST_STEPS + 1)):
+        if state.best_cut()[0] <= (1 + GATHERED_GAP) * state.bound or not left:
             threshold, flux, strongest = _threshold(state, level, node_of, children, opened)
             region = _regions(network, flux <= threshold)
-            if region is not None or state.best_cut()[0] <= (1 + PROVEN) * state.bound or not left:
+            if region is not None or state.best_cut()[0] <= (1 + PROVEN_GAP) * state.bound or not left:
                 break
         try:
             state.step()
@@ -244,7 +247,7 @@ def _decided(
             threshold, flux, strongest = _threshold(state, level, node_of, children, opened)
             region = None
             break
-    while region is None:  # more is opened than was wanted
+    while region is None:  # open more nodes than wanted, rather than join the two sides
         threshold /= 2
         region = _regions(network, flux <= threshold)
     region = region[node_of]
@@ -256,8 +259,9 @@ def _decided(
 
 
 def _regions(network: Network, closed: Mask) -> Ints32 | None:
-    """The region of every node once some elements are closed; None where that joins the two sides, because so
-    many faint flows lead from one to the other.
+    """Return the region of every node once some elements are closed.
+
+    None where closed elements join the two sides: then many faint flows lead from one to the other.
     """
     try:
         return network.components(closed).astype(np.int32, copy=False)
@@ -268,8 +272,10 @@ def _regions(network: Network, closed: Mask) -> Ints32 | None:
 def _threshold(
     state: PrimalDual, level: _Level, node_of: Ints32, children: Floats, opened: float
 ) -> tuple[float, Floats, Floats]:
-    """The flux above which nodes are opened; that of every element of the restricted network, and the
-    strongest beside every node of the level.
+    """Find the flux above which nodes are opened.
+
+    Returns it, the flux of every element of the restricted network, and the strongest flux beside every node
+    of the level.
     """
     potential = np.clip(state.potential, 0.0, 1.0)
     at = potential[node_of]
@@ -287,8 +293,10 @@ def _threshold(
 
 
 def _freed(active: Mask, region: Ints32, parent: Ints32) -> tuple[Ints32, int]:
-    """The node of everything on the finer level, in the shape of `parent`: what is freed, each alone, then
-    regions, then terminals.
+    """Number the nodes of the finer level.
+
+    First come the freed nodes, each alone, then regions, then terminals. Returns the numbers, in the shape of
+    `parent`, and their count without terminals.
     """
     free = active[parent]
     node = np.cumsum(free, dtype=np.int32).reshape(free.shape)

@@ -1,4 +1,4 @@
-"""Find groups of pixels that cost most to divide, for :mod:`toposeam.seam.heat.coarsening` to merge."""
+"""Heavy-edge matching: groups of pixels that are expensive to divide, which coarsening merges."""
 
 from __future__ import annotations
 
@@ -9,17 +9,19 @@ from scipy.sparse.csgraph import connected_components
 from toposeam.arrays import Floats, Floats32, Ints32
 from toposeam.seam.problem.grid import CutGrid
 
-#: Pixels are merged so many at a time.
+#: Pixels merged at a time, to bound the memory.
 _BLOCK_PIXELS = 65_536
+#: Largest relative change of a cost that tells it apart from equal ones.
 _UNEVENNESS = 1e-3
-#: Chains of nodes that point to the next one are at most two to the power of this long.
-_LONGEST_CHAIN = 24
+#: Pointer doublings at most: chains of nodes are no longer than two to the power of this.
+_MOST_DOUBLINGS = 24
 _GOLDEN = np.uint32(2654435769)  # 2^32 times the golden ratio
 
 
 def merge_pixels(grid: CutGrid) -> tuple[Ints32, int]:
-    """Group every free pixel with the neighbour it costs most to divide from; (h, w) group numbers and their
-    count.
+    """Group every free pixel with the neighbour that is most expensive to divide from it.
+
+    Returns the (h, w) group numbers and the number of groups.
     """
     shape = grid.free.shape
     target = np.arange(grid.free.size, dtype=np.int32).reshape(shape)
@@ -62,8 +64,9 @@ def merge_pixels(grid: CutGrid) -> tuple[Ints32, int]:
 
 
 def merge_nodes(n: int, tail: Ints32, head: Ints32, weight: Floats, size: Floats) -> Ints32:
-    """Group every node with the neighbour it costs most to divide from, relative to the nodes' sizes; (n +
-    2,) group numbers.
+    """Group every node with the neighbour that is most expensive to divide from it, relative to their sizes.
+
+    Returns the (n + 2,) group numbers.
     """
     share = 1.0 / np.sqrt(np.maximum(size, 1.0))
     share[n:] = 0.0
@@ -79,8 +82,9 @@ def merge_nodes(n: int, tail: Ints32, head: Ints32, weight: Floats, size: Floats
 
 
 def _uneven(count: int, start: int) -> Floats32:
-    """Factors just above 1 that tell equal costs apart, by a golden-ratio sequence: flat places must not
-    merge into one node.
+    """Compute factors just above 1, from a golden-ratio sequence, that tell equal costs apart.
+
+    Without them flat areas would merge into one node.
     """
     spread = np.arange(start, start + count, dtype=np.uint32)
     spread *= _GOLDEN
@@ -91,21 +95,21 @@ def _uneven(count: int, start: int) -> Floats32:
 
 
 def _components(target: Ints32) -> tuple[int, Ints32]:
-    """Components of the graph in which every node points to one other or to itself: their count, and the
-    number of each node's, which takes the place of `target`.
+    """Find the components of the graph in which every node points to one other or to itself.
 
-    Who follows the pointers comes to two nodes that point to each other, or to one that points to itself.
+    Returns their count and the number of each node's, which overwrites `target`. Following the pointers ends
+    at two nodes that point to each other, or at one that points to itself.
     """
     root = target.take(target)
     np.copyto(root, target, where=root != np.arange(len(target), dtype=np.int32))
     np.minimum(root, target, out=root)
-    for _ in range(_LONGEST_CHAIN):
+    for _ in range(_MOST_DOUBLINGS):
         further = root.take(root)
         if np.array_equal(further, root):
             break
         root = further
     del further
-    if not np.array_equal(root.take(target), root):  # equal costs lead round in a longer circle
+    if not np.array_equal(root.take(target), root):  # equal costs close a longer cycle
         n = len(target)
         graph = csr_array((np.ones(n, np.int8), target, np.arange(n + 1, dtype=np.int32)), shape=(n, n))
         return connected_components(graph, directed=False)  # type: ignore[no-any-return]

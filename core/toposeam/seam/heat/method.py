@@ -6,7 +6,7 @@ criterion is k = |q| / M up to a factor, and substituting back leaves Σ M |q|: 
 path for edge lengths M, the best seam.
 
 *Seen from the pixels.* By planar duality the flux across interface (s, t) is the jump |ψ(s) - ψ(t)| of a
-label potential that is 0 on what only ``a`` covers and 1 on what only ``b`` covers. No terminals need
+label potential that is 0 where only ``a`` has pixels and 1 where only ``b`` has. No terminals need
 placing, so strips, Ls, rings, islands and several overlaps are one case, and the converged potential is the
 label map.
 
@@ -14,9 +14,9 @@ label map.
 steps on the potential and its dual flow together (:mod:`toposeam.heat.primal_dual`) are heat networks just as
 well, take six to ten of them, and prove how good the seam is: the flow bounds every seam's cost from below.
 
-*Large overlaps* start out contracted by what coarser networks show (:mod:`toposeam.seam.heat.coarsening`),
-and are opened again along the seam (:mod:`toposeam.seam.heat.band_refinement`); a proof holds for the choices
-that are left.
+*Large overlaps* are first contracted with the help of coarser networks
+(:mod:`toposeam.seam.heat.coarsening`), then refined in a band along the seam
+(:mod:`toposeam.seam.heat.band_refinement`); a proof holds only for the choices that contraction left.
 """
 
 from __future__ import annotations
@@ -35,21 +35,21 @@ from toposeam.heat.network import Network
 from toposeam.heat.primal_dual import PrimalDual
 from toposeam.heat.threads import one_thread
 from toposeam.optimize.history import Frame, Iteration
-from toposeam.seam.heat.band_refinement import beside_seam, best_nearby, keeping
+from toposeam.seam.heat.band_refinement import beside_seam, best_nearby, fix_labels
 from toposeam.seam.heat.coarsening import WHOLE_NODES, restrict
-from toposeam.seam.heat.newton import SOFT, gather_heat
+from toposeam.seam.heat.newton import SOFT_GAP, gather_heat
 from toposeam.seam.problem.grid import grown
 from toposeam.seam.problem.overlap import FREE, NONE
-from toposeam.seam.problem.seam_problem import SeamProblem
-from toposeam.seam.problem.solution import Solution
+from toposeam.seam.problem.seam_problem import SeamProblem, Solution
 
-#: In large overlaps ``soft`` is sought within so many cells (of 8 px) of the seam, in steps at most.
-_SOFT_CELLS, _SOFT_STEPS = 4, 20
+#: Half width, in cells of 8 px, of the band round a seam in which the label potential of a large overlap is
+#: computed; and the most Newton steps for it.
+_POTENTIAL_CELLS, _POTENTIAL_STEPS = 4, 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeatOptions:
-    """How far the heat method goes.
+    """Stopping rules of the heat method.
 
     Examples
     --------
@@ -61,7 +61,7 @@ class HeatOptions:
 
     #: The search ends when no seam can be cheaper by more than this share.
     tolerance: float = 1e-3
-    #: Steps at most.
+    #: Newton steps at most.
     max_iterations: int = 100
 
     def __post_init__(self) -> None:
@@ -107,11 +107,11 @@ def heat_path(
     hot, history = heat.hot, list(heat.history)
     labels = hot[node_of_pixel]
     counted = float(cost @ (hot.take(network.head) != hot.take(network.tail)))
-    # Of a large overlap it holds for the choices that were left.
+    # In a large overlap the network's bound holds only for the choices that coarsening left.
     bound = 0.0 if large else _bound(problem, labels, counted, heat.bound)
     potential = np.clip(heat.soft, 0.0, 1.0).astype(np.float32)[node_of_pixel]
     if large and not problem.tied:
-        labels = _opened_again(problem, labels, node_of_pixel)
+        labels = _refined(problem, labels, node_of_pixel)
     if history:
         least = problem.total(labels)
         used = len(problem.crossed(labels))
@@ -144,14 +144,16 @@ def heat_path(
 
 
 def potential_beside(problem: SeamProblem, labels: Mask) -> npt.NDArray[np.float32]:
-    """The label potential of an overlap that was not heated whole: the heat of the last step before the seam
-    is proven within 10 %; of a large one in a band of some thirty pixels on either side of it.
+    """Compute the label potential of an overlap that was not heated whole.
+
+    It is that of the last Newton step before the seam is proven within 10 %; in a large overlap it is
+    computed in a band of some thirty pixels on either side of the seam.
 
     Parameters
     ----------
     problem : SeamProblem
     labels : (h, w) bool array
-        What shows ``b``; beyond the band that is the potential.
+        True where ``b`` shows; beyond the band the potential equals the labels.
 
     Returns
     -------
@@ -161,16 +163,16 @@ def potential_beside(problem: SeamProblem, labels: Mask) -> npt.NDArray[np.float
     labels = problem.complete(labels).astype(bool, copy=False)
     band = free
     if _is_large(problem):
-        band = grown(beside_seam(labels, free, problem.overlap.side != NONE), _SOFT_CELLS) & free
-    network, cost, _, node_of_pixel = _pixel_network(keeping(problem, band, labels))
+        band = grown(beside_seam(labels, free, problem.overlap.side != NONE), _POTENTIAL_CELLS) & free
+    network, cost, _, node_of_pixel = _pixel_network(fix_labels(problem, band, labels))
     potential: npt.NDArray[np.float32] = labels.astype(np.float32)
     if not network.n:
         return potential
     with one_thread():
         state = PrimalDual(network, cost)
         soft = state.potential
-        for _ in range(_SOFT_STEPS):
-            if float(state.cost @ np.abs(state.jump)) <= (1 + SOFT) * state.bound:
+        for _ in range(_POTENTIAL_STEPS):
+            if float(state.cost @ np.abs(state.jump)) <= (1 + SOFT_GAP) * state.bound:
                 break
             soft = state.potential
             try:
@@ -182,10 +184,10 @@ def potential_beside(problem: SeamProblem, labels: Mask) -> npt.NDArray[np.float
 
 
 def _bound(problem: SeamProblem, labels: Mask, counted: float, proven: float) -> float:
-    """What no labelling of the problem undercuts, from what is proven of its network.
+    """Turn a lower bound on the cuts of the network into one on the labellings of the problem.
 
-    All labellings pay the same besides what the network counts: between pixels that are fixed, or merged with
-    what is fixed. One of them, and what of it the network has counted, tells how much.
+    The network leaves out interfaces between pixels that are fixed, or merged with fixed ones. All labellings
+    pay the same for these: the total cost of any labelling, less what the network `counted` of it.
     """
     return proven + problem.total(labels) - counted
 
@@ -194,22 +196,24 @@ def _is_large(problem: SeamProblem) -> bool:
     return int(np.count_nonzero(problem.overlap.side == FREE)) > WHOLE_NODES
 
 
-def _opened_again(problem: SeamProblem, labels: Mask, node_of_pixel: AnyInts) -> Mask:
-    """The best seam near the one that the heat found."""
+def _refined(problem: SeamProblem, labels: Mask, node_of_pixel: AnyInts) -> Mask:
+    """Find the best seam near the one that the heat found."""
     free = problem.overlap.side == FREE
     alone = np.bincount(node_of_pixel[free], minlength=int(node_of_pixel.max()) + 1) == 1
     return best_nearby(problem, labels, alone[node_of_pixel] & free)
 
 
 def _network(problem: SeamProblem) -> tuple[Network, Floats, Floats, AnyInts]:
-    """The network to solve, the cost of its elements and the number of interfaces each stands for; (h, w)
-    node of every free pixel.
+    """Build the network to solve.
+
+    Returns it, the costs of its elements, the number of interfaces that each element stands for, and the
+    (h, w) node of every free pixel.
     """
     return restrict(problem.grid) if _is_large(problem) else _pixel_network(problem)
 
 
 def _pixel_network(problem: SeamProblem) -> tuple[Network, Floats, Floats, AnyInts]:
-    """As :func:`_network`, every free pixel a node."""
+    """Build the network with a node for every free pixel; returns as :func:`_network` does."""
     side = problem.overlap.side
     if problem.tied:
         network, cost, pixels = problem.grid.network(problem.grid.free)
@@ -223,8 +227,9 @@ def _pixel_network(problem: SeamProblem) -> tuple[Network, Floats, Floats, AnyIn
 def _without_forbidden(
     network: Network, cost: Floats, node: AnyInts, forbidden: float
 ) -> tuple[Network, Floats, Floats, AnyInts]:
-    """The network in which nodes that must not be divided are one, unless that joins the two sides and no
-    seam is possible.
+    """Merge the nodes that must not be divided, unless that joins the two sides, so that no seam is possible.
+
+    Returns as :func:`_network` does.
     """
     multiplicity = np.ones(len(cost))
     closed = cost >= forbidden
@@ -244,7 +249,7 @@ def _without_forbidden(
 
 
 def _frame(problem: SeamProblem, potential: npt.NDArray[Any], iteration: int, stage: int) -> Frame:
-    """Flux of every interface of the window, from the (h, w) label potential of its free pixels."""
+    """Record the flux of every interface, from the (h, w) label potential of the window's free pixels."""
     values = problem.complete(np.clip(potential, 0.0, 1.0).astype(np.float32))
     return Frame(
         iteration=iteration,

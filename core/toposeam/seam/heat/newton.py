@@ -1,4 +1,4 @@
-"""Heat of a network gathered along its cheapest cut, step by step, and what is told of the steps."""
+"""Newton steps that gather the heat of a network along its cheapest cut, and the record of these steps."""
 
 from __future__ import annotations
 
@@ -14,23 +14,24 @@ from toposeam.heat.network import Network
 from toposeam.heat.primal_dual import PrimalDual
 from toposeam.optimize.history import Iteration, Termination
 
-#: An interface with less flux does not belong to the heat path (thesis, q_threshold).
+#: Least flux, of a total of 1, of an interface on the heat path (thesis, q_threshold).
 FLUX_THRESHOLD = 0.01
-#: ``soft`` is the last potential whose cost exceeded what is proven by this share.
-SOFT = 0.1
+#: Gap between a potential's cost and the bound, as a share of the bound, above which the potential is still
+#: soft: ``soft`` is the last such one.
+SOFT_GAP = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Heat:
-    """What Newton steps on a network ended in."""
+    """The state of a network after Newton steps."""
 
-    #: (n + 2,) bool, the hot side of the cheapest cut that was seen.
+    #: (n + 2,) bool, the hot side of the cheapest cut found.
     hot: npt.NDArray[np.bool_]
-    #: (n + 2,) potential of the last step whose cost exceeded what is proven by 10 %.
+    #: (n + 2,) potential of the last step whose cost exceeded the bound by more than 10 %.
     soft: Floats
     #: (E,) flux of the last step.
     flux: Floats
-    #: What no cut can undercut.
+    #: Lower bound on the cost of every cut.
     bound: float
     history: tuple[Iteration, ...]
     termination: Termination
@@ -44,13 +45,13 @@ def gather_heat(
     multiplicity: Floats | None = None,
     watch: Callable[[Floats, int, bool], None] | None = None,
 ) -> Heat:
-    """Newton steps until the heat of a network has gathered along its cheapest cut.
+    """Take Newton steps until the heat of a network has gathered along its cheapest cut.
 
     Parameters
     ----------
     network : Network
     cost : (E,) float64 array
-        What it costs to divide the nodes of each element.
+        Cost of dividing the two nodes of each element.
     tolerance : float
         The steps end when no cut can be cheaper by more than this share.
     most : int
@@ -68,7 +69,7 @@ def gather_heat(
     termination = Termination.ITERATIONS
     state = PrimalDual(network, cost)
     soft = state.potential
-    raised = float(np.maximum(state.cost - cost, 0.0).sum())  # no flow may use what is only lent
+    raised = float(np.maximum(state.cost - cost, 0.0).sum())  # the flow may exceed the given costs by this
     bound, cheapest = 0.0, np.inf
     for step in range(most):
         cut, threshold = state.best_cut()
@@ -91,7 +92,7 @@ def gather_heat(
             )
         )
         flux = new
-        if objective > (1 + SOFT) * bound:
+        if objective > (1 + SOFT_GAP) * bound:
             soft = state.potential
         proven = cheapest <= (1 + tolerance) * bound
         if watch is not None:

@@ -20,8 +20,7 @@ from .overlap import (
 )
 from .posing import as_weights, costs_on, forbid, placed, pose
 from .pyramid import expand, expand_part, gaussian, in_runs, reduce
-from .seam_problem import M_MAX, SeamProblem, blocked, geometry
-from .solution import Solution
+from .seam_problem import M_MAX, SeamProblem, Solution, blocked, geometry
 
 __all__ = [
     "CELL",

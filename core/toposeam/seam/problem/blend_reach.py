@@ -1,16 +1,17 @@
-"""What a wide blend changes of the match cost: differences that lie some way off, exposure, ends of pictures.
+"""The match cost of wide blends: differences nearby, the exposure and the ends of pictures change it.
 
-A seam along the very edge of something that moved costs nothing on a plain background, and shows nothing as a
-hard cut. Blended over a wide band it shows: the object's edge is mixed with ground that has none. So for wide
-blends the match cost looks as far as they do: besides their difference D = A - B at a pixel it counts, band
-by band, how much D has of detail of about 4, 8, 16, … px near the pixel. Each band of D is the difference of
-two sizes of its pyramid, as in multiband blending; from level to level it is seen twice as far, and fades::
+A seam along the very edge of something that moved costs nothing on a plain background, and as a hard cut it
+does not show. Blended over a wide band it shows: the object's edge is mixed with ground that has none. So for
+wide blends the match cost looks as far as the blend reaches. Besides the difference D = A - B at a pixel it
+counts, band by band, the detail of D near the pixel at scales of about 4, 8, 16, … px. Each band of D is the
+difference of two levels of its pyramid, as in multiband blending; each level counts twice as far as the one
+before, and fades::
 
     R = Σ over levels k:  expand^k( max over 3 × 3 of |G_k - expand(G_k+1)| )
 
-Noise averages out in it, and what differs evenly (the exposure), which blending takes away, is in no band: it
-is what is left at the last level, and the law "natural" takes it from the difference at the pixel, too. Where
-one picture ends and the other goes on a blend has nothing to mix: costs rise twofold towards such ends::
+Noise averages out in R. An even difference (the exposure), which blending removes, is in no band: it is the
+last level of the pyramid, and the law "natural" subtracts it from the difference at the pixel, too. Where one
+picture ends and the other goes on, a blend has nothing to mix: costs rise twofold towards such ends::
 
     M → M (1 + max(0, 1 - distance to the end / reach))
 """
@@ -29,20 +30,21 @@ from toposeam.arrays import Floats32, Mask
 from toposeam.seam.problem.match_cost import MatchCost
 from toposeam.seam.problem.pyramid import expand, gaussian
 
-#: Side of the cells whose mean difference is looked at, px, and every how many-th row and column of them is.
+#: Side of the cells over which differences are averaged, px; and distance of the rows and columns of pixels
+#: that are sampled, px.
 CELL, STEP = 4, 2
-#: Weight of the bands beside the difference at the pixel itself.
-_WEIGHT = 1.0
-#: What is added to the factor of costs at the end of a picture.
-_RISE = 1.0
-#: Cells of which so few pixels are known count as unknown.
-_KNOWN = 1e-3
-#: Rows of about so many pixels are looked at at once.
+#: Weight of R relative to the difference at the pixel itself.
+_BANDS_WEIGHT = 1.0
+#: Relative rise of costs at the end of a picture.
+_END_RISE = 1.0
+#: Least number of known pixels, after smoothing, in a cell whose mean counts as known.
+_LEAST_KNOWN = 1e-3
+#: Pixels of the rows that are converted at a time, to bound the memory.
 _BLOCK_PIXELS = 1 << 16
 
 
 class Reach:
-    """R above on a window, kept by cells.
+    """R above on a window, stored by cells.
 
     Parameters
     ----------
@@ -52,7 +54,7 @@ class Reach:
         Every `STEP`-th row and column of it from top to bottom: the number of the first row, a multiple of
         `CELL`, the difference of the two pictures, where both have pixels, and where only one has.
     reach : float
-        How far the blend reaches, px.
+        Distance over which pictures are blended, px.
 
     Examples
     --------
@@ -98,16 +100,15 @@ class Reach:
         part: Callable[[slice], tuple[Floats32, Mask, Mask] | None],
         reach: float,
     ) -> Reach:
-        """R of a window that is looked at some rows at a time, so that the pictures are never held as float32
-        as a whole.
+        """Compute R from blocks of rows, so that the pictures are never stored as float32 as a whole.
 
         Parameters
         ----------
         shape : (int, int)
             Height and width of the window, px.
         part : callable
-            Gives for some rows the difference, where it is known, and where only one picture is, as in
-            `blocks` above; None where neither is anywhere.
+            Returns for some rows the difference, a mask of where it is known, and a mask of where only one
+            picture has pixels, as in `blocks` above; None where neither picture has any.
         reach : float
             As above.
         """
@@ -123,23 +124,23 @@ class Reach:
         return cls(shape, blocks(), reach)
 
     def on(self, rows: slice, columns: slice) -> Floats32:
-        """R in some rows and columns of the window, which may lie beyond it."""
+        """Return R in some rows and columns of the window, which may lie beyond it."""
         return _on(self._values, rows, columns, CELL)
 
     def even(self, rows: slice, columns: slice) -> Floats32:
-        """How much the pictures differ evenly, which a blend takes away, (C, h, w)."""
+        """Return the even difference of the pictures, which a blend removes, (C, h, w)."""
         return np.stack([_on(plane, rows, columns, self._step) for plane in self._even])
 
     def rise(self, rows: slice, columns: slice) -> Floats32:
-        """What costs near ends of pictures are multiplied by, (h, w)."""
+        """Return the factors by which costs rise near the ends of pictures, (h, w)."""
         factor = _on(self._ends, rows, columns, CELL)
-        factor *= np.float32(_RISE)
+        factor *= np.float32(_END_RISE)
         factor += 1
         return factor
 
 
 def any_by_steps(mask: Mask) -> Mask:
-    """Whether any of `STEP` × `STEP` pixels is True, for each such square."""
+    """Reduce a mask: True for each square of `STEP` × `STEP` pixels of which any is True."""
     height, width = mask.shape
     whole = np.pad(mask, ((0, -height % STEP), (0, -width % STEP)))
     return np.asarray(whole.reshape(-(-height // STEP), STEP, -(-width // STEP), STEP).any(axis=(1, 3)))
@@ -148,8 +149,10 @@ def any_by_steps(mask: Mask) -> Mask:
 def within_reach(
     reach: Reach, a: Floats32, weight: Floats32 | None, rows: slice, columns: slice, options: MatchCost
 ) -> tuple[Floats32, Floats32 | None, Floats32]:
-    """Prepare the match cost of some rows and columns of the window: the first picture (h, w, C), for the law
-    "natural" without what a blend takes away; the factors, (h, w), raised near ends; and R.
+    """Prepare the match cost of some rows and columns of the window.
+
+    Returns the first picture, (h, w, C), for the law "natural" without the even difference; the factors,
+    (h, w), for that law raised near ends; and R.
     """
     if options.law == "natural":
         a = a - np.moveaxis(reach.even(rows, columns), 0, -1)
@@ -159,7 +162,7 @@ def within_reach(
 
 
 def _by_cells(planes: npt.NDArray[np.generic], known: Mask) -> Floats32:
-    """(C, k, w) to (C, k', w'): sums over what is known of cells."""
+    """Sum the known values of every cell, (C, k, w) to (C, k', w')."""
     count = CELL // STEP
     channels, height, width = planes.shape
     whole = np.zeros((channels, -(-height // count) * count, -(-width // count) * count), np.float32)
@@ -169,7 +172,7 @@ def _by_cells(planes: npt.NDArray[np.generic], known: Mask) -> Floats32:
 
 
 def _largest_beside(values: Floats32) -> Floats32:
-    """The largest value among each pixel and those that touch it, at corners too."""
+    """Return the largest value among each pixel and its eight neighbours."""
     for _ in range(2):  # along one axis, then the other
         wide = values.copy()
         np.maximum(wide[1:], values[:-1], out=wide[1:])
@@ -179,7 +182,7 @@ def _largest_beside(values: Floats32) -> Floats32:
 
 
 def _fading(alone: Mask, reach: float) -> Floats32:
-    """1 in some cells, falling to 0 at `reach` px from them, along rows, columns and diagonals alike."""
+    """Compute a ramp: 1 in some cells, falling to 0 at `reach` px along rows, columns and diagonals alike."""
     values, step = alone.astype(np.float32), np.float32(CELL / max(reach, CELL))
     for _ in range(int(1 / step)):
         np.maximum(values, _largest_beside(values) - step, out=values)
@@ -187,10 +190,12 @@ def _fading(alone: Mask, reach: float) -> Floats32:
 
 
 def _bands(sums: Floats32, counts: Floats32, levels: int) -> tuple[Floats32, Floats32]:
-    """R by cells, and what is left at the last level, (C, h', w')."""
+    """Compute R by cells, and the last level of the pyramid, (C, h', w')."""
     pyramid = gaussian(np.concatenate([sums, counts]), levels)
-    known = [planes[-1] > _KNOWN for planes in pyramid]
-    means: list[Floats32] = [planes[:-1] / np.maximum(planes[-1], np.float32(_KNOWN)) for planes in pyramid]
+    known = [planes[-1] > _LEAST_KNOWN for planes in pyramid]
+    means: list[Floats32] = [
+        planes[:-1] / np.maximum(planes[-1], np.float32(_LEAST_KNOWN)) for planes in pyramid
+    ]
     coarser = means[-1]
     if not known[-1].all():
         nearest = scipy.ndimage.distance_transform_edt(
@@ -205,7 +210,7 @@ def _bands(sums: Floats32, counts: Floats32, levels: int) -> tuple[Floats32, Flo
         band = np.where(known[level], means[level] - coarser, np.float32(0))
         result += _largest_beside(np.sqrt(np.einsum("chw,chw->hw", band, band)))
         coarser += band
-    weighed: Floats32 = result[0] * np.float32(_WEIGHT)
+    weighed: Floats32 = result[0] * np.float32(_BANDS_WEIGHT)
     return weighed, even
 
 
@@ -215,13 +220,13 @@ def _on(values: npt.NDArray[Any], rows: slice, columns: slice, cell: int) -> Flo
 
 
 def _between(values: npt.NDArray[Any], start: int, stop: int, axis: int, cell: int) -> Floats32:
-    """Values of pixels from those of cells along one axis, in between by straight lines."""
+    """Interpolate values of cells linearly to pixels, along one axis."""
     at = (np.arange(start, stop, dtype=np.float32) + np.float32(0.5)) / cell - np.float32(0.5)
     at = np.clip(at, 0, values.shape[axis] - 1)
     low = at.astype(np.intp)
     high = np.minimum(low + 1, values.shape[axis] - 1)
     share = (at - low).astype(np.float32)[(slice(None), np.newaxis)[:: 1 if axis == 0 else -1]]
-    # Ends are kept as float16, which numpy reckons with eight times as slowly.
+    # Ends are stored as float16, with which numpy computes eight times as slowly.
     first, second = (values.take(at, axis).astype(np.float32, copy=False) for at in (low, high))
     second -= first
     second *= share

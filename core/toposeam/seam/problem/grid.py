@@ -1,4 +1,4 @@
-"""The seam problem on the pixel grid: costs between undecided pixels, and towards the two decided sides.
+"""The seam problem on the pixel grid: costs between free pixels, and towards the two fixed sides.
 
 A labelling of the free pixels (False: ``a`` shows, True: ``b``) costs the sum over interfaces whose two
 pixels differ. The seam is the set of those interfaces.
@@ -16,7 +16,7 @@ from toposeam.arrays import AnyInts, Floats, Floats32, Mask
 from toposeam.heat.network import Network
 from toposeam.seam.problem.overlap import FREE, NONE, A, B
 
-#: Corridors are made of squares of so many px; so many of them are open on either side of a seam.
+#: Side of the cells that corridors are made of, px; and half width of a corridor along a seam, in cells.
 CELL, SEAM_CELLS = 8, 8
 
 
@@ -42,7 +42,7 @@ class CutGrid:
     free: Mask
 
     def network(self, pixels: Mask) -> tuple[Network, Floats, AnyInts]:
-        """Some free pixels as a network; no interface may join them to other free pixels.
+        """Build the network of some free pixels, which no interface may join to other free pixels.
 
         Parameters
         ----------
@@ -80,7 +80,7 @@ class CutGrid:
 
 
 def grid_from_sides(side: npt.NDArray[np.uint8], right: Floats32, down: Floats32) -> CutGrid:
-    """The cut problem of an overlap.
+    """Build the cut problem of an overlap.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def grid_from_sides(side: npt.NDArray[np.uint8], right: Floats32, down: Floats32
         Match cost of every interface, 0 where the seam cannot run.
     """
     free = side == FREE
-    # Few pixels are beside what is decided: what stays zero of these arrays takes no memory.
+    # Few pixels lie beside fixed ones: pages of these arrays that are never written take no memory.
     cold, hot = np.zeros(side.shape, np.float32), np.zeros(side.shape, np.float32)
     for cost, s, t in (
         (right, (slice(None), slice(None, -1)), (slice(None), slice(1, None))),
@@ -110,7 +110,7 @@ def grid_from_sides(side: npt.NDArray[np.uint8], right: Floats32, down: Floats32
 
 
 def grown(places: Mask, cells: int) -> Mask:
-    """All pixels within so many cells of some places, (h, w) bool."""
+    """Return all pixels within a number of cells of some places, (h, w) bool."""
     h, w = places.shape
     padded = np.zeros((-(-h // CELL) * CELL, -(-w // CELL) * CELL), bool)
     padded[:h, :w] = places

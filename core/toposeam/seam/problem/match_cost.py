@@ -17,23 +17,23 @@ There are three laws, for neighbours s and t in direction d (horizontal or verti
     V(s) = min(|A(s) - B(s)| / m(s), 12)  +  ½ |G_A^e(s) - G_B^e(s)| / m(s)  +  W(s)
     M(s, t) = V(s)²  +  V(t)²  +  length
 
-where e is the direction of the seam, so that what runs across the seam in one picture has to run on in the
-other. A square, as one clear break is seen and many hints of one are not. Norms are Euclidean over channels,
-gradients are central differences along d; where the patch ends, of the picture continued by its last pixel,
-so half the one step that is known: noise makes ends no steeper than what lies inside.
+where e is the direction of the seam, so that lines across the seam in one picture have to continue in the
+other. The square makes one clear break cost more than many faint ones. Norms are Euclidean over channels,
+gradients are central differences along d. Where the patch ends, its last pixel is repeated, so that the
+gradient is half the one known step: noise makes ends no steeper than the inside.
 
 *0/0 and small denominators.* ε keeps a pair in a flat place from costing infinitely much; a pair that is flat
-*and* equal, 0/0 in (2.4), costs ``flat``. Its default of 0 says that nobody sees a seam through equal pixels;
-a larger value draws the seam to image edges even there, as in the thesis's Figure 3.11. *Zero cost.*
-``length`` is added to every interface, so that among equally good seams the shortest wins and no cost is
-zero.
+*and* equal, 0/0 in (2.4), costs ``flat``. Its default of 0 says that a seam through equal pixels is
+invisible; a larger value draws the seam to image edges even there, as in the thesis's Figure 3.11. *Zero
+cost.* ``length`` is added to every interface, so that among equally good seams the shortest wins and no cost
+is zero.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from math import prod
 from typing import Any, Literal, get_args
 
@@ -42,23 +42,23 @@ import numpy as np
 from toposeam.arrays import Floats32, Mask
 from toposeam.checks import check_choice, check_range
 from toposeam.errors import OptionError, Term
-from toposeam.seam.problem.natural import LOOK, MOST, perceived
-from toposeam.seam.problem.overlap import FREE, KEPT_PIXELS, KEPT_SHAPES, NONE, Overlap
+from toposeam.seam.problem.natural import LARGEST_MISMATCH, LOOK, perceived
+from toposeam.seam.problem.overlap import FREE, KEPT_PIXELS, KEPT_SHAPES, NONE, Overlap, pairs_along
 
 Law = Literal["natural", "gradient", "colour"]
 LAWS: tuple[Law, ...] = get_args(Law)
-#: Where the step from a pixel to the next one along an axis is known, 1 or 0. One line may stand for all.
-#: It may not be written to.
+#: 1 where the step from a pixel to the next one along an axis is known, else 0. One line may stand for all of
+#: them. Read-only.
 Steps = Floats32
-#: Planes of so many values in all are dealt with at once.
-_CACHED = 1 << 14
-#: Two patches and two axes for each of the shapes that are remembered.
+#: Most values, in all, of planes that are processed together; larger ones would not fit the caches.
+_MOST_TOGETHER = 1 << 14
+#: Cached steps: of two patches along two axes, for each of the shapes that are cached.
 _KEPT_STEPS = 4 * KEPT_SHAPES
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MatchCost:
-    """How the match cost is computed.
+    """Options of the match cost.
 
     Raises
     ------
@@ -73,7 +73,7 @@ class MatchCost:
     MatchCost(law='gradient', epsilon=0.02, flat=0.5, length=0.001, reach=None)
     """
 
-    #: What is minimised: "natural" for photographs, "gradient" (2.4), "colour" (3.22).
+    #: Formula of the cost: "natural" for photographs, "gradient" (2.4), "colour" (3.22).
     law: Law = "natural"
     #: ε of (2.4), added to the sum of the four gradients; in units of the image's range.
     epsilon: float = 0.02
@@ -81,7 +81,7 @@ class MatchCost:
     flat: float = 0.0
     #: Cost added to each interface.
     length: float = 1e-3
-    #: How far, px, the pictures will be blended: differences so near count too
+    #: Distance, px, over which the pictures will be blended: differences that near count, too
     #: (:mod:`toposeam.seam.problem.blend_reach`); 0 for a hard cut. By default as far as the blend reaches.
     #: Not in volumes and textures.
     reach: float | None = None
@@ -93,11 +93,13 @@ class MatchCost:
 
     @property
     def look(self) -> int:
-        """How many pixels beyond its own two the cost of an interface depends on."""
+        """Distance, px, from an interface's own two pixels to others on which its cost depends."""
         return LOOK if self.law == "natural" else 1
 
 
-_USUAL = {law: MatchCost(law=law) for law in LAWS}
+@cache
+def _of_law(law: Law) -> MatchCost:
+    return MatchCost(law=law)
 
 
 def match_options(gradient: bool | None, cost: MatchCost | None, usual: Law = "natural") -> MatchCost:
@@ -128,9 +130,9 @@ def match_options(gradient: bool | None, cost: MatchCost | None, usual: Law = "n
                 "{gradient} and {cost} are both given; write MatchCost(law=…) and leave {gradient} out",
                 kind="conflict",
             )
-        return _USUAL["gradient" if gradient else "colour"]
+        return _of_law("gradient" if gradient else "colour")
     if cost is None:
-        return _USUAL[usual]
+        return _of_law(usual)
     if not isinstance(cost, MatchCost):
         raise OptionError(
             "{parameter} is of class {type}; pass a MatchCost",
@@ -143,12 +145,12 @@ def match_options(gradient: bool | None, cost: MatchCost | None, usual: Law = "n
 
 
 def check_no_reach(match: MatchCost, what: str) -> MatchCost:
-    """The same options.
+    """Return the options unless they have a reach, for uses (`what`) that know none.
 
     Raises
     ------
     OptionError
-        When they look farther than what they are used for knows to.
+        When they have a reach.
     """
     if match.reach:
         raise OptionError(
@@ -173,7 +175,7 @@ def match_cost(
     nearby: Floats32 | None = None,
     start: Sequence[int] | None = None,
 ) -> tuple[Floats32, ...]:
-    """Match cost of the interfaces of an overlap.
+    """Compute the match cost of the interfaces of an overlap.
 
     Parameters
     ----------
@@ -188,7 +190,7 @@ def match_cost(
     axes : tuple of int
         The directions d. Volumes are (d, h, w, C) with (d, h, w) masks, and have three.
     nearby : (h, w) float32 array, optional
-        What is added to the differences (:mod:`toposeam.seam.problem.blend_reach`).
+        R of :mod:`toposeam.seam.problem.blend_reach`, added to the differences.
     start : sequence of int, optional
         Index of the window's first pixel, which makes the law "natural" independent of windows; by default
         the overlap's, or 0.
@@ -247,11 +249,11 @@ def _natural(
     start: Sequence[int],
     axes: tuple[int, ...],
 ) -> Iterator[Floats32]:
-    """V² of every pixel, for seams across each axis."""
+    """Yield V² of every pixel, for seams across each axis."""
     masking, things = perceived(a, b, shared, start)
-    seen = difference / masking
-    np.minimum(seen, MOST, out=seen)
-    seen += things
+    mismatch = difference / masking
+    np.minimum(mismatch, LARGEST_MISMATCH, out=mismatch)
+    mismatch += things
     planes = a - b
     steps = _steps(shared, axes)
     slopes = [_gradient(planes, known, axis) for known, axis in zip(steps, axes, strict=True)]
@@ -260,7 +262,7 @@ def _natural(
         broken = across[0] if len(across) == 1 else np.sqrt(sum(np.square(slope) for slope in across))
         value = broken / masking
         value *= np.float32(0.5)
-        value += seen
+        value += mismatch
         yield np.square(value, out=value)
 
 
@@ -274,7 +276,7 @@ def _along(
     weight: Floats32 | None,
 ) -> Floats32:
     """Add up the values of the two pixels of each interface across an axis, and divide by their steepness."""
-    s, t = _pair(axis)
+    s, t = pairs_along(axis)
     beside = None
     if narrow is not None:
         free, bare = narrow
@@ -306,9 +308,10 @@ def _along(
 def _both(
     values: Floats32, s: tuple[slice, ...], t: tuple[slice, ...], beside: tuple[Mask, Mask] | None
 ) -> Floats32:
-    """values(s) + values(t), and anything at the end of the axis, in an array as large as that of the values,
-    which is quicker than one that is shorter along its rows; where only one of the two is known, twice that
-    one.
+    """Compute values(s) + values(t), or twice the one of them that is known.
+
+    The array is as large as that of the values, with arbitrary values at the end of the axis: that is faster
+    than an array with shorter rows.
     """
     total = np.empty(values.shape, np.float32)
     step = prod(values.shape[len(s) :])
@@ -321,13 +324,8 @@ def _both(
     return total
 
 
-def _pair(axis: int) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
-    before = (slice(None),) * axis
-    return (*before, slice(None, -1)), (*before, slice(1, None))
-
-
 def _distance(a: Floats32, b: Floats32) -> Floats32:
-    """|a - b| over the channels, which come first."""
+    """Compute |a - b| over the channels, which come first."""
     total: Floats32 = a[0] - b[0]
     if len(a) == 1:
         return np.abs(total, out=total)
@@ -341,13 +339,13 @@ def _distance(a: Floats32, b: Floats32) -> Floats32:
 
 
 def _steps(present: Mask | None, axes: tuple[int, ...]) -> Sequence[Steps | None]:
-    """The steps along each axis; None where all are known."""
+    """Return the steps along each axis; None where all are known."""
     if present is None or present.all():
         return [None] * len(axes)
     every = range(present.ndim)
     others = (tuple(k for k in every if k != axis) for axis in every)
     lines: list[Mask] = [np.asarray(present.any(axis=away, keepdims=True)) for away in others]
-    if prod(map(np.count_nonzero, lines)) == np.count_nonzero(present):  # of a box one line tells of all
+    if prod(map(np.count_nonzero, lines)) == np.count_nonzero(present):  # a box: all lines are alike
         return [_steps_of(lines[axis], axis) for axis in axes]
     if present.size > KEPT_PIXELS:
         return [_steps_of(present, axis) for axis in axes]
@@ -356,7 +354,7 @@ def _steps(present: Mask | None, axes: tuple[int, ...]) -> Sequence[Steps | None
 
 
 def _steps_of(present: Mask, axis: int) -> Steps:
-    s, t = _pair(axis)
+    s, t = pairs_along(axis)
     known = np.zeros(present.shape, np.float32)
     known[s] = present[s] & present[t]
     return known
@@ -368,7 +366,7 @@ def _kept_steps(shape: tuple[int, ...], present: bytes, axis: int) -> Steps:
 
 
 def _gradient(planes: Floats32, known: Steps | None, axis: int) -> Floats32:
-    """|∂planes/∂axis| by central differences; a neighbour that is not present counts as equal."""
+    """Compute |∂planes/∂axis| by central differences; a neighbour that is not present counts as equal."""
     squares = _squares(planes, known, axis + 1)
     total = next(squares)
     for square in squares:
@@ -379,16 +377,16 @@ def _gradient(planes: Floats32, known: Steps | None, axis: int) -> Floats32:
 
 
 def _squares(planes: Floats32, known: Steps | None, axis: int) -> Iterator[Floats32]:
-    """Of each plane the squares of how much it changes over two steps along an axis, over one at its ends."""
+    """Yield, plane by plane, the squared change over two steps along an axis, and over one at its ends."""
     before: tuple[Any, ...] = (slice(None),) * axis
     along = prod(planes.shape[axis + 1 :])
     # Planes of small images together, which takes fewer calls; those of large ones would not fit the caches.
-    together = len(planes) if planes.size <= _CACHED else 1
+    together = len(planes) if planes.size <= _MOST_TOGETHER else 1
     for part in (planes[begin : begin + together] for begin in range(0, len(planes), together)):
         if part.shape[axis] == 1:
             yield from np.zeros(part.shape, np.float32)
             continue
-        # As one row, which is quicker than row by row; what runs on into another row is put right.
+        # Flattened, which is faster than row by row; differences across ends of rows are corrected below.
         total, step, flat = np.empty(part.shape, np.float32), np.empty(part.shape, np.float32), part.ravel()
         sums, steps = total.ravel(), step.ravel()
         np.subtract(flat[along:], flat[:-along], out=steps[:-along])

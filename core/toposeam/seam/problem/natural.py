@@ -1,22 +1,23 @@
-"""What of a seam eyes notice: the parts of the match cost that look at more than one pixel.
+"""Masking and things: the parts of the match cost that model what eyes notice of a seam.
 
-Everything here is computed on *cells* of two pixels along every axis, the means of what both pictures have
-there. With σ_A, σ_B the local standard deviations of the two pictures (over windows of 3 cells)::
+Everything here is computed on *cells* of two pixels along every axis: the mean of each picture over the
+pixels that both have. With σ_A, σ_B their local standard deviations (over windows of 3 cells)::
 
-    masking      m = ε + κ min(σ_A, σ_B, 0.2)           what is busy in both pictures hides a seam; ε is 0.02
+    masking      m = ε + κ min(σ_A, σ_B, 0.2)           texture of both pictures hides a seam; ε is 0.02
                                                         between pixels, 0.03 in what follows
     mismatch     v = min(|A - B| / m, 12)
-    foreign      o = min(|A - [B]| / ε, 12)             how far A's colours lie outside of those that B has in
-                                                        5 × 5 cells, or B's outside of A's, whichever is more
+    foreign      o = min(|A - [B]| / ε, 12)             distance of A's colours from the range of B's within
+                                                        5 × 5 cells, or of B's from A's: the larger one
     things       W = T(v) C(v - 1) + T(o) C(o - 1)      with T(x) = ‖x‖₄ / ‖x‖₁
 
-C closes (dilates, then erodes) over 5 cells what is left above 0, so that the inside of a thing costs as
+C closes (dilates, then erodes) the positive part over 5 cells, so that the inside of a thing costs as
 much as its outline; norms are power means over windows of 7 cells, and their quotient T grows where something
 is thin, so that a post costs as much to cut as a wall. Edges that lie a few pixels apart in the two pictures,
 and leaves that moved, are mismatches but not foreign; a head before trees, a lamp before a wall are both.
 
-In volumes nobody looks at the surface, but cells are counted: W has min(σ_A, σ_B, 0.2) / 2 ε more, so that
-where two stacks agree the surface goes through ground rather than through a cell.
+In volumes the surface is not looked at, but biological cells are counted: W is larger by
+min(σ_A, σ_B, 0.2) / 2 ε, so that where two stacks agree the surface runs through smooth ground rather than
+through a cell.
 """
 
 from __future__ import annotations
@@ -29,19 +30,20 @@ from toposeam.arrays import Floats32, Mask
 
 #: Side of a cell, px.
 CELL = 2
-#: How far, px, the cost of an interface looks beyond its two pixels.
+#: Largest distance, px, from an interface's two pixels to others on which its cost depends.
 LOOK = 14
-#: ε, in units of the pictures' range: of things, and of pixels, as a step along smooth ground is sooner seen.
-_EPSILON, _STEP = np.float32(0.03), np.float32(0.02)
-#: κ, and the largest standard deviation that hides more than smaller ones.
-_MASKING, _BUSY = np.float32(0.7), np.float32(0.2)
-#: What structure costs in volumes even where both show the same, as a share of a mismatch as large.
+#: ε, in units of the pictures' range: of cells, and of pixels: steps on smooth ground are noticed sooner.
+_CELL_EPSILON, _PIXEL_EPSILON = np.float32(0.03), np.float32(0.02)
+#: κ; and the standard deviation, in units of the pictures' range, above which texture hides no more.
+_MASKING, _MOST_TEXTURE = np.float32(0.7), np.float32(0.2)
+#: Cost of structure in volumes where both stacks agree, as a share of that of an equally large mismatch.
 _STRUCTURE = np.float32(0.5)
-#: Mismatch beyond which more of it changes nothing, and below which it is no thing.
-MOST, _UNSEEN = np.float32(12.0), np.float32(1.0)
-#: Windows, in cells: of standard deviations, of colours near by, of the closing, of power means.
-_LOCAL, _NEAR, _CLOSING, _WIDE = 3, 5, 5, 7
-_NONE = np.float32(1e-6)
+#: Largest mismatch that counts; and largest mismatch that is no thing. In units of m, or of ε.
+LARGEST_MISMATCH, _LARGEST_UNSEEN = np.float32(12.0), np.float32(1.0)
+#: Sides of windows, in cells: of standard deviations, of ranges of colours, of the closing, of power means.
+_DEVIATION_CELLS, _RANGE_CELLS, _CLOSING_CELLS, _MEAN_CELLS = 3, 5, 5, 7
+#: Least denominator.
+_TINY = np.float32(1e-6)
 
 
 def perceived(
@@ -80,23 +82,23 @@ def perceived(
     first, second = (_cell_means(planes, shared, known, offset) for planes in (a, b))
     there = None if known is None else known > 0
     busy = np.minimum(_variance(first, there), _variance(second, there))
-    np.minimum(np.sqrt(busy, out=busy), _BUSY, out=busy)
-    masking: Floats32 = np.add(busy * _MASKING, _EPSILON, dtype=np.float32)
+    np.minimum(np.sqrt(busy, out=busy), _MOST_TEXTURE, out=busy)
+    masking: Floats32 = np.add(busy * _MASKING, _CELL_EPSILON, dtype=np.float32)
     difference = first - second
     mismatch = _norm(difference)
     mismatch /= masking
-    np.minimum(mismatch, MOST, out=mismatch)
+    np.minimum(mismatch, LARGEST_MISMATCH, out=mismatch)
     foreign = np.maximum(_outside(first, second, there), _outside(second, first, there))
-    foreign /= _EPSILON
-    np.minimum(foreign, MOST, out=foreign)
+    foreign /= _CELL_EPSILON
+    np.minimum(foreign, LARGEST_MISMATCH, out=foreign)
     if there is not None:
         mismatch *= there
         foreign *= there
     thing = _thinness(mismatch, there) * _closed(mismatch)
     thing += _thinness(foreign, there) * _closed(foreign)
     if len(shape) == 3:
-        thing += busy * (_STRUCTURE / _EPSILON)
-    masking -= _EPSILON - _STEP
+        thing += busy * (_STRUCTURE / _CELL_EPSILON)
+    masking -= _CELL_EPSILON - _PIXEL_EPSILON
     return _on_pixels(masking, offset, shape), _on_pixels(thing, offset, shape)
 
 
@@ -137,7 +139,7 @@ def _on_pixels(cells: Floats32, offset: Sequence[int], shape: Sequence[int]) -> 
 
 
 def _sums(values: Floats32, size: int) -> Floats32:
-    """Add up windows of an odd number of cells round every cell along the last axes but the first."""
+    """Sum windows of an odd number of cells round every cell, on all axes but the first."""
     half = size // 2
     for axis in range(1, values.ndim):
         before = (slice(None),) * axis
@@ -157,7 +159,7 @@ def _sums(values: Floats32, size: int) -> Floats32:
 
 
 def _mean(values: Floats32, there: Mask | None, size: int) -> Floats32:
-    """Average (…) values over windows of what is there; values are 0 elsewhere."""
+    """Average values over the known cells of windows; values of unknown cells are 0."""
     many = np.ones(values.shape, np.float32) if there is None else there.astype(np.float32)
     both = _sums(np.stack([values, many]), size)
     mean: Floats32 = both[0] / np.maximum(both[1], 1)
@@ -166,21 +168,21 @@ def _mean(values: Floats32, there: Mask | None, size: int) -> Floats32:
 
 def _power_mean(values: Floats32, there: Mask | None) -> Floats32:
     fourth = np.square(np.square(values))
-    return np.sqrt(np.sqrt(_mean(fourth, there, _WIDE)))
+    return np.sqrt(np.sqrt(_mean(fourth, there, _MEAN_CELLS)))
 
 
 def _thinness(values: Floats32, there: Mask | None) -> Floats32:
-    """‖x‖₄ / ‖x‖₁ of windows: 1 where values are even, more where few cells have all of them."""
+    """Compute ‖x‖₄ / ‖x‖₁ of windows: 1 where values are even, more where few cells hold most of them."""
     thin: Floats32 = _power_mean(values, there)
-    thin /= np.maximum(_mean(values, there, _WIDE), _NONE)
+    thin /= np.maximum(_mean(values, there, _MEAN_CELLS), _TINY)
     return thin
 
 
 def _variance(planes: Floats32, there: Mask | None) -> Floats32:
-    """Variance over windows, added up over the channels."""
+    """Compute the variance over windows, summed over the channels."""
     squares = np.einsum("c...,c...->...", planes, planes)
     many = np.ones(squares.shape, np.float32) if there is None else there.astype(np.float32)
-    *sums, total, count = _sums(np.concatenate([planes, squares[None], many[None]]), _LOCAL)
+    *sums, total, count = _sums(np.concatenate([planes, squares[None], many[None]]), _DEVIATION_CELLS)
     np.maximum(count, 1, out=count)
     variance: Floats32 = total / count
     for one in sums:
@@ -189,9 +191,7 @@ def _variance(planes: Floats32, there: Mask | None) -> Floats32:
 
 
 def _extreme(operation: np.ufunc, values: Floats32, size: int, beyond: float) -> Floats32:
-    """The largest or smallest of windows of an odd number of cells round every cell, on the axes but the
-    first.
-    """
+    """Return the extreme of windows of an odd number of cells round every cell, on all axes but the first."""
     half = size // 2
     for axis in range(1, values.ndim):
         before = (slice(None),) * axis
@@ -207,17 +207,22 @@ def _extreme(operation: np.ufunc, values: Floats32, size: int, beyond: float) ->
 
 
 def _closed(values: Floats32) -> Floats32:
-    """Close what lies above the unseen, so that holes in things are part of them."""
-    above = np.maximum(values - _UNSEEN, 0)[None]
-    closed: Floats32 = _extreme(np.minimum, _extreme(np.maximum, above, _CLOSING, 0.0), _CLOSING, np.inf)[0]
+    """Close the mismatch above the unseen, so that holes in things are part of them."""
+    above = np.maximum(values - _LARGEST_UNSEEN, 0)[None]
+    closed: Floats32 = _extreme(
+        np.minimum, _extreme(np.maximum, above, _CLOSING_CELLS, 0.0), _CLOSING_CELLS, np.inf
+    )[0]
     return closed
 
 
 def _outside(planes: Floats32, others: Floats32, there: Mask | None) -> Floats32:
-    """How far colours lie outside of the range that the other picture's have near by."""
+    """Compute how far colours lie outside of the range of the other picture's colours nearby."""
     low, high = (
         _extreme(
-            operation, others if there is None else np.where(there, others, np.float32(beyond)), _NEAR, beyond
+            operation,
+            others if there is None else np.where(there, others, np.float32(beyond)),
+            _RANGE_CELLS,
+            beyond,
         )
         for operation, beyond in ((np.minimum, np.inf), (np.maximum, -np.inf))
     )

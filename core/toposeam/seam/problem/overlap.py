@@ -1,4 +1,4 @@
-"""Where two patches overlap, which of its pixels are already decided, and which a seam may divide.
+"""The overlap of two patches: the pixels that are fixed, and those that a seam may divide.
 
 Every pixel of the canvas is on one *side*:
 
@@ -15,9 +15,9 @@ with M_max (Figure 3.6). Where the overlap is one pixel wide a pixel touches bot
 its border interfaces get a one-sided cost (:mod:`toposeam.seam.problem.match_cost`).
 
 A component of the overlap that touches the ground of one patch only is a whole piece of the other patch lying
-inside; it has to be told how much of that piece must show. Its *core*, what of its depth is not within the
-outermost ``1 - core``, is fixed to the inner patch, and the seam closes round it. A component that touches
-neither ground is covered identically by both patches and stays ``a``.
+inside, and an option says how much of that piece must show. Its *core*, all but the outermost ``1 - core`` of
+its depth, is fixed to the inner patch, and the seam closes round it. A component that touches neither ground
+is covered identically by both patches and stays ``a``.
 
 A core has at least ``speck`` pixels that are connected; a piece that is too small for that is a *speck*, as
 ragged masks have many. It forces nothing and is the outer patch's, unless the inner one has hardly anything
@@ -44,20 +44,21 @@ A, B, FREE, NONE = 0, 1, 2, 3
 Side = Literal["right", "left", "bottom", "top"]
 SIDES: tuple[Side, ...] = get_args(Side)
 
-#: What the shape of a window of up to this many pixels decides is kept for the next ones of the same shape.
+#: Largest window, in pixels, of which all that its shape decides is cached for later ones of the same shape.
 KEPT_PIXELS = 1 << 14
-#: How many shapes are remembered.
+#: Number of shapes that are cached.
 KEPT_SHAPES = 16
-#: What is a speck if nothing else is said: fewer pixels, or a smaller share of its patch's own.
+#: Default bounds of a speck: it has fewer pixels than the larger of these, px and a share of its patch's own.
 SPECK_PX, SPECK_SHARE = 64, 0.0005
-#: Pixels that touch along a side.
+#: Structuring element of the 4-neighbourhood.
 TOUCHING: Mask = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], bool)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Overlap:
-    """An overlap on a window of the canvas, with a margin of at least one pixel around it. Volumes have three
-    axes, and voxels for pixels.
+    """An overlap on a window of the canvas, with a margin of at least one pixel around it.
+
+    Volumes have three axes, and voxels in the place of pixels.
 
     Parameters
     ----------
@@ -91,7 +92,7 @@ class Overlap:
         return tuple(on_canvas), tuple(on_window)
 
     def window(self, array: npt.NDArray[Any]) -> npt.NDArray[Any]:
-        """The window of a canvas-sized array, zero off the canvas. (H, W, …) to (h, w, …)."""
+        """Cut the window out of a canvas-sized array, zero off the canvas. (H, W, …) to (h, w, …)."""
         on_canvas, on_window = self.inside
         result = np.zeros((*self.side.shape, *array.shape[self.side.ndim :]), array.dtype)
         result[on_window] = array[on_canvas]
@@ -99,8 +100,7 @@ class Overlap:
 
 
 def side_by_side(shape: tuple[int, int], side: Side) -> Overlap:
-    """The overlap that fills the whole canvas; ``b`` continues beyond it to the given side and ``a`` to the
-    opposite one.
+    """Build the overlap that fills the canvas: ``b`` continues beyond the given side, ``a`` beyond the other.
 
     Raises
     ------
@@ -141,7 +141,7 @@ _kept_side_by_side = lru_cache(maxsize=KEPT_SHAPES)(_side_by_side)
 
 
 def between_masks(mask_a: Mask, mask_b: Mask, core: float = 0.5, speck: float | None = None) -> Overlap:
-    """The overlap of two patches given by where each has pixels.
+    """Build the overlap of two patches from the masks of their pixels.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ def between_masks(mask_a: Mask, mask_b: Mask, core: float = 0.5, speck: float | 
         1 is all but its border, where the seam must run: pixels that touch ground of the other, corners
         included.
     speck : float, optional
-        How many connected pixels a piece must be able to show if it is to show at all; by default
+        Least number of connected pixels that a piece must be able to show, to show at all; by default
         `SPECK_PX`, or `SPECK_SHARE` of its patch's own pixels if these are more.
 
     Raises
@@ -169,7 +169,7 @@ def between_masks(mask_a: Mask, mask_b: Mask, core: float = 0.5, speck: float | 
 
 
 def check_core(core: float | None, speck: float | None) -> None:
-    """Refuse a `core` or a `speck` that is out of range; None is what is usual.
+    """Refuse a `core` or a `speck` that is out of range; None stands for the default.
 
     Raises
     ------
@@ -217,18 +217,24 @@ def _between_masks(mask_a: Mask, mask_b: Mask, core: float, speck: float | None)
     return overlap
 
 
+def pairs_along(axis: int) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
+    """Return the indices of all pixels that have a next one along an axis, and of these next ones."""
+    before = (slice(None),) * axis
+    return (*before, slice(None, -1)), (*before, slice(1, None))
+
+
 def neighbours(mask: Mask) -> Mask:
-    """Pixels with a 4-neighbour, voxels with a 6-neighbour in the mask."""
+    """Return the pixels with a 4-neighbour, or the voxels with a 6-neighbour, in the mask."""
     result = np.zeros_like(mask)
     for axis in range(mask.ndim):
-        before = (slice(None),) * axis
-        result[(*before, slice(1, None))] |= mask[(*before, slice(None, -1))]
-        result[(*before, slice(None, -1))] |= mask[(*before, slice(1, None))]
+        s, t = pairs_along(axis)
+        result[t] |= mask[s]
+        result[s] |= mask[t]
     return result
 
 
 def at_its_end(covered: Mask, ground: Mask) -> Mask:
-    """Where a patch ends: pixels of it beside ground that it does not cover.
+    """Return the end of a patch: its pixels beside ground that it does not cover.
 
     Examples
     --------
@@ -246,7 +252,7 @@ def cores(
     speck: float | None,
     own: int,
 ) -> Mask:
-    """The cores of those pieces of a patch that lie wholly inside others: what must show of them.
+    """Find the cores of those pieces of a patch that lie wholly inside others: the pixels that must show.
 
     Parameters
     ----------
@@ -256,13 +262,13 @@ def cores(
     inside : (n + 1,) bool array
         Per piece, whether it lies inside; that of number 0 is False.
     share : float in (0, 1]
-        A core's pixels are at least (1 - `share`) times as deep as the deepest, and 2 px; those of small
-        pieces less deep, until `speck` of them are connected.
+        A core's pixels are at least (1 - `share`) times as deep as the deepest one, and at least 2 px deep.
+        In small pieces the first bound is lowered until `speck` of them are connected.
     speck : float or None
-        Smaller parts are none, except the largest of a patch that has hardly anything else; as for
-        :func:`between_masks`.
+        Least number of connected pixels of a core, as for :func:`between_masks`. Only the largest core of a
+        patch that has hardly anything else may be smaller.
     own : int
-        How many pixels the patch has, here and elsewhere.
+        Number of pixels of the patch, here and elsewhere.
 
     Examples
     --------
@@ -287,8 +293,8 @@ def cores(
         if not small.any():
             break
         threshold[small] *= 0.8
-    lone = not found.any() and own - np.count_nonzero(inside[piece]) < least
-    return first if lone else found
+    only_specks = not found.any() and own - np.count_nonzero(inside[piece]) < least
+    return first if only_specks else found
 
 
 def _sides(
@@ -301,7 +307,7 @@ def _sides(
 ) -> npt.NDArray[np.uint8]:
     side = np.full(shared.shape, NONE, np.uint8)
     side[ground_a], side[ground_b] = A, B
-    # Beside ground of a alone b ends, and the other way round.
+    # b ends beside ground that only a covers, and vice versa.
     touches_a, touches_b = at_its_end(shared, shared | ground_a), at_its_end(shared, shared | ground_b)
     side[shared] = FREE
     side[touches_a & ~touches_b], side[touches_b & ~touches_a] = A, B

@@ -1,6 +1,4 @@
-"""A seam problem posed: two patches, their masks and the options of the match cost in; overlap and
-costs out.
-"""
+"""Posing a seam problem: from two patches, their masks and options to the overlap and its match cost."""
 
 from __future__ import annotations
 
@@ -14,14 +12,13 @@ import numpy.typing as npt
 from toposeam.arrays import Floats32, Image, Mask
 from toposeam.checks import check_choice
 from toposeam.errors import ImageError, OptionError, Term
-from toposeam.heat.bricks import HIGH, LOW, along
 from toposeam.images import as_array, as_float, as_mask, check_shape, unit_of, widen
 from toposeam.seam.problem.blend_reach import STEP, Reach, any_by_steps, within_reach
 from toposeam.seam.problem.match_cost import Law, MatchCost, match_cost, match_options
-from toposeam.seam.problem.overlap import SIDES, Overlap, Side, between_masks, side_by_side
+from toposeam.seam.problem.overlap import SIDES, Overlap, Side, between_masks, pairs_along, side_by_side
 from toposeam.seam.problem.seam_problem import M_MAX, SeamProblem
 
-#: The match cost is computed from blocks of about so many pixels.
+#: Pixels, about, of the rows whose match cost is computed at a time, to bound the memory.
 _BLOCK_PIXELS = 1 << 18
 
 
@@ -41,7 +38,15 @@ def pose(
     data_range: float | None,
     usual: Law = "natural",
 ) -> tuple[SeamProblem, Mask, dict[str, Any]]:
-    """The problem, what only ``b`` covers, and the settings, of arguments as :func:`find_seam` takes them.
+    """Pose the problem of arguments as :func:`find_seam` takes them.
+
+    Returns
+    -------
+    problem : SeamProblem
+    only_b : (H, W) bool array
+        Pixels that only ``b`` covers.
+    settings : dict
+        The options that reproduce the problem.
 
     Raises
     ------
@@ -80,7 +85,7 @@ def seam_problem(
     speck: float | None = None,
     data_range: float | None = None,
 ) -> tuple[SeamProblem, Mask]:
-    """The problem behind :func:`find_seam`, and the (H, W) mask of the pixels only ``b`` covers.
+    """Build the problem behind :func:`find_seam`, and the (H, W) mask of the pixels that only ``b`` covers.
 
     Examples
     --------
@@ -121,18 +126,19 @@ def placed(
     speck: float | None,
     unmasked: Callable[[], Overlap],
 ) -> tuple[Overlap, Mask, Mask, Mask]:
-    """The overlap of two patches, or volumes; where each has pixels on its window; and what only ``b`` covers
-    of the canvas.
+    """Build the overlap of two patches, or volumes.
+
+    Returns it, the masks of either on its window, and the mask of the canvas that only ``b`` covers.
 
     Parameters
     ----------
     canvas : shape of both
     mask_a, mask_b : arrays of that shape, optional
-        Where each has pixels; everywhere where one of them is not given.
+        The pixels of each; where only one of them is given, the other is the whole canvas.
     core, speck
         As for :func:`toposeam.find_seam`.
     unmasked : callable
-        The overlap where neither is given.
+        Builds the overlap where neither is given.
     """
     if mask_a is None and mask_b is None:
         overlap = unmasked()
@@ -151,15 +157,15 @@ def forbid(costs: Sequence[Floats32], avoid: Mask, forbidden: float | None = Non
     Parameters
     ----------
     costs : sequence of float32 arrays
-        The costs along each axis of `avoid`; an interface that costs nothing is none.
+        The costs along each axis of `avoid`; where a cost is 0 there is no interface.
     avoid : (h, w) or (d, h, w) bool array
     forbidden : float, optional
-        What they shall cost; by default far more than all others.
+        The new cost; by default `M_MAX` times that of the dearest interface, or of 1 if that is more.
 
     Returns
     -------
     float
-        What they cost now.
+        The new cost.
 
     Examples
     --------
@@ -173,7 +179,8 @@ def forbid(costs: Sequence[Floats32], avoid: Mask, forbidden: float | None = Non
     if forbidden is None:
         forbidden = float(np.float32(M_MAX * max(1.0, *(float(values.max(initial=0)) for values in costs))))
     for axis, values in enumerate(costs):
-        values[(values > 0) & (avoid[along(axis, LOW)] | avoid[along(axis, HIGH)])] = forbidden
+        s, t = pairs_along(axis)
+        values[(values > 0) & (avoid[s] | avoid[t])] = forbidden
     return forbidden
 
 
@@ -187,7 +194,7 @@ def costs_on(
     factor: Floats32 | None,
     data_range: float | None,
 ) -> tuple[Floats32, Floats32]:
-    """The match cost, from blocks of rows: only the rows of one block are held as float32 at a time."""
+    """Compute the match cost block by block: only the rows of one block are stored as float32 at a time."""
     h, w = overlap.side.shape
     right, down = np.empty((h, w - 1), np.float32), np.empty((h - 1, w), np.float32)
     look = cost.look
@@ -195,7 +202,7 @@ def costs_on(
     reach = _reach(a, b, overlap, on_a, on_b, cost.reach, data_range) if cost.reach else None
     for start in range(0, h, step):
         stop = min(start + step, h)
-        # The lower neighbour of the last row, and as many rows as the cost looks beyond either end.
+        # The last row needs its lower neighbour, and either end the rows on which costs depend, besides.
         low, high = max(start - look, 0), min(stop + 1 + look, h)
         rows = slice(low, high)
         part = Overlap(
@@ -205,7 +212,7 @@ def costs_on(
             overlap.canvas,
         )
         here_a = on_a[rows]
-        here_b = here_a if on_b is on_a else on_b[rows]  # one mask's steps are counted once
+        here_b = here_a if on_b is on_a else on_b[rows]  # one array, whose steps are computed once
         patch_a, patch_b = widen(
             _patch(a, part, here_a, "a", data_range), _patch(b, part, here_b, "b", data_range)
         )
@@ -244,14 +251,14 @@ def _reach(
 def _patch(
     image: Image, overlap: Overlap, present: Mask, name: str, data_range: float | None, step: int = 1
 ) -> npt.NDArray[np.float32]:
-    """The window of a patch as float32, zero where it has no pixels (whatever the array holds there)."""
+    """Return the window of a patch as float32, set to zero where the patch has no pixels."""
     window = overlap.window(image)
     window[~present] = 0
     return as_float(window[::step, ::step], name, data_range)
 
 
 def as_weights(weight: npt.ArrayLike, shape: tuple[int, ...]) -> npt.NDArray[np.float64]:
-    """The factors on the match cost, one positive number per pixel, or voxel, of the canvas.
+    """Return the factors on the match cost, one positive number per pixel, or voxel, of the canvas.
 
     Raises
     ------

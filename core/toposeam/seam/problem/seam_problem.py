@@ -29,6 +29,7 @@ import numpy.typing as npt
 from toposeam.arrays import Floats32, Indices, Mask
 from toposeam.errors import OverlapError
 from toposeam.heat.network import Network
+from toposeam.optimize.history import Frame, Iteration, Termination
 from toposeam.seam.problem.grid import CutGrid, grid_from_sides
 from toposeam.seam.problem.overlap import FREE, KEPT_PIXELS, KEPT_SHAPES, NONE, A, B, Overlap, neighbours
 
@@ -38,7 +39,7 @@ M_MAX = 1e6
 
 
 def geometry(right: Mask, down: Mask) -> tuple[Indices, Indices, Indices, Indices]:
-    """Which pixels and which corners the chosen interfaces join, those of `right` first.
+    """Find the pixels and the corners that the chosen interfaces join, first those of `right`.
 
     Parameters
     ----------
@@ -63,7 +64,7 @@ def geometry(right: Mask, down: Mask) -> tuple[Indices, Indices, Indices, Indice
 
 
 def blocked() -> OverlapError:
-    """The error about a seam that would have to cut what is forbidden."""
+    """Return the error of a seam that would have to cut forbidden interfaces."""
     return OverlapError(
         "no seam avoids the pixels you excluded: they block the overlap from side to side; leave it a way "
         "through",
@@ -73,22 +74,21 @@ def blocked() -> OverlapError:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pattern:
-    """What problems have in common whose overlaps have one shape. No array of it may be written to."""
+    """The parts of a problem that depend only on the shape of its overlap; all arrays are read-only."""
 
     first: Indices  #: (E,) as of :func:`geometry`, for the interfaces a seam may use
     second: Indices
     start: Indices
     end: Indices
-    place: Indices  #: (E,) where their costs lie in ``right`` followed by ``down``
+    place: Indices  #: (E,) indices of their costs in ``right`` followed by ``down``
     pixels: Indices  #: (n,) flat index of each free pixel
-    # : nodes are the free pixels, terminals what shows ``a`` (cold) and ``b`` (hot), elements the interfaces
+    #: Nodes are the free pixels, terminals the pixels fixed to ``a`` (cold) and ``b`` (hot), elements the
+    #: interfaces.
     network: Network
 
 
 def _pattern(side: npt.NDArray[np.uint8], right: Mask, down: Mask) -> Pattern:
-    """The pattern of a window with the given sides, where `right` and `down` tell which interfaces have a
-    cost.
-    """
+    """Build the pattern of a window with given sides, and with the interfaces that have a cost."""
     free = side == FREE
     right, down = right & (free[:, 1:] | free[:, :-1]), down & (free[1:] | free[:-1])
     first, second, start, end = geometry(right, down)
@@ -173,7 +173,7 @@ class SeamProblem:
 
     @property
     def tied(self) -> bool:
-        """Whether free pixels also lie beside layers that are not part of the problem."""
+        """True if there are unary costs: free pixels then lie beside layers outside of the problem, too."""
         return self.showing_a is not None
 
     @cached_property
@@ -186,7 +186,7 @@ class SeamProblem:
 
     @cached_property
     def pattern(self) -> Pattern:
-        """What this problem has in common with others of its shape; small ones share it."""
+        """The parts that depend only on the shape of the overlap; small problems of one shape share them."""
         side, right, down = self.overlap.side, self.right > 0, self.down > 0
         if side.size > KEPT_PIXELS:
             return _pattern(side, right, down)
@@ -198,9 +198,7 @@ class SeamProblem:
 
     @cached_property
     def _ties(self) -> tuple[Indices, npt.NDArray[np.float64], Indices]:
-        """What free pixels cost beside layers that are not part of the problem: node, cost, and the terminal
-        of the side it speaks for.
-        """
+        """The unary costs as elements: node, cost, and the terminal to which it joins the node."""
         if self.showing_a is None or self.showing_b is None:
             return np.zeros(0, np.intp), np.zeros(0), np.zeros(0, np.intp)
         n = len(self.pattern.pixels)
@@ -223,8 +221,9 @@ class SeamProblem:
 
     @property
     def network(self) -> Network:
-        """The pattern's network, whose solutions depend on nothing that was solved before; with ties, another
-        one.
+        """The pattern's network, with unary costs added as elements to the terminals.
+
+        Its solutions do not depend on what was solved before.
         """
         kept = self.pattern.network
         nodes, _, terminals = self._ties
@@ -241,7 +240,7 @@ class SeamProblem:
         return Interfaces(kept.first, kept.second, kept.start, kept.end, self._interface_cost)
 
     def crossed(self, labels: Mask) -> Floats32:
-        """Cost of every interface that an (h, w) bool labelling cuts."""
+        """Return the cost of every interface that an (h, w) bool labelling cuts."""
         full = self.complete(labels)
         return np.concatenate([self.right[full[:, 1:] != full[:, :-1]], self.down[full[1:] != full[:-1]]])
 
@@ -258,11 +257,11 @@ class SeamProblem:
         return cost, x, y
 
     def cost(self, labels: Mask) -> float:
-        """Σ M over the interfaces that an (h, w) bool labelling cuts."""
+        """Compute Σ M over the interfaces that an (h, w) bool labelling cuts."""
         return float(self.crossed(labels).sum(dtype=np.float64))
 
     def total(self, labels: Mask) -> float:
-        """:meth:`cost`, and what free pixels cost beside layers that are not part of the problem."""
+        """Compute :meth:`cost` plus the unary costs of the free pixels."""
         if self.showing_a is None or self.showing_b is None:
             return self.cost(labels)
         beside = np.where(labels, self.showing_b, self.showing_a)[self.overlap.side == FREE]
@@ -279,8 +278,7 @@ class SeamProblem:
             raise blocked()
 
     def on_canvas(self, labels: npt.NDArray[Any], only_b: Mask) -> npt.NDArray[Any]:
-        """Window values spread to the canvas: those of the overlap from `labels`, elsewhere True (1) where
-        only ``b`` has pixels.
+        """Spread window values to the canvas: `labels` in the overlap, elsewhere 1 where only ``b`` shows.
 
         Parameters
         ----------
@@ -294,16 +292,36 @@ class SeamProblem:
         return result
 
     def complete(self, labels: npt.NDArray[Any]) -> npt.NDArray[Any]:
-        """The labelling with every pixel that is not free set to its side (`NONE` counts as ``a``)."""
+        """Set every pixel that is not free to its side (`NONE` counts as ``a``)."""
         side = self.overlap.side
         return np.where(side == FREE, labels, (side == B).astype(labels.dtype))
 
     @property
     def seam_ground(self) -> Mask:
-        """(h, w) bool: pixels between which a seam is drawn: the overlap, and the ground beside places where
-        it is one pixel wide.
+        """(h, w) bool mask of the pixels between which a seam is drawn.
+
+        These are the overlap, and the ground beside places where it is one pixel wide.
         """
         side, shared = self.overlap.side, self.overlap.shared
         narrow = (side == FREE) & neighbours((side == A) & ~shared) & neighbours((side == B) & ~shared)
         ground: Mask = shared | (neighbours(narrow) & (side != NONE))
         return ground
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Solution:
+    """The labels that a seam method found on the overlap's window, and how it found them."""
+
+    #: (h, w) bool, True where ``b`` shows.
+    labels: Mask
+    #: (h, w) float32 in [0, 1], the label potential before the seam was decided.
+    soft: npt.NDArray[np.float32]
+    #: Whether only a part of the overlap was heated, so that `soft` is not the potential of the whole.
+    contracted: bool = False
+    #: The engine that ran; empty where it is the method that was asked for.
+    method: str = ""
+    history: tuple[Iteration, ...] = ()
+    frames: tuple[Frame, ...] = ()
+    termination: Termination = Termination.DIRECT
+    #: A lower bound on the cost of every labelling; 0 where nothing is proven.
+    bound: float = 0.0

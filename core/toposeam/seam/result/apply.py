@@ -1,10 +1,10 @@
-"""Labels from paths: which patch shows where, after somebody bent the seam by hand.
+"""Labels from paths: which patch shows where, after the seam was bent by hand.
 
 The paths are arbitrary lines. Two neighbouring pixels are apart where the segment between their centres
-crosses paths an odd number of times; what is still joined is a region, and each region shows one patch. All
-crossings are exact. Path points are rounded to 1/512 px, and pixel centres stand 1/1024 px right of and below
-their true place, so that no point lies on a line between centres; a path right through a centre is taken as
-slightly right of it. What remains is integer arithmetic, hence paths never leak.
+crosses paths an odd number of times. Pixels that are still joined are a region, and each region shows one
+patch. All crossings are exact. Path points are rounded to 1/512 px, and pixel centres stand 1/1024 px right
+of and below their true place, so that no point lies on a line between centres; a path right through a centre
+is taken as slightly right of it. The rest is integer arithmetic, hence paths never leak.
 
 An example: five free pixels a row between ``a`` and ``b``, and a path that goes down, up and down again, so
 that it crosses the row in the middle three times. ``|`` and ``―`` stand where neighbours are apart::
@@ -15,7 +15,7 @@ that it crosses the row in the middle three times. ``|`` and ``―`` stand where
                       ―       ―                of row 1 from those below them
     row 2     a   p   q   r   s | t   b
 
-What is joined is two regions: p of all rows with q, r and s of row 2, and through them r of row 1; it touches
+Two regions stay joined: p of all rows with q, r and s of row 2, and through them r of row 1; it touches
 ``a``. The rest touches ``b``. The seam is the border between the two, and follows the path round r.
 """
 
@@ -36,18 +36,18 @@ from toposeam.vector.polyline import Polyline
 
 _A, _B, _FREE, _NONE = range(4)
 
-#: Coordinates a path may have, px; beyond, the integer arithmetic would overflow.
+#: Largest coordinate of a path, px; beyond, the integer arithmetic would overflow.
 FARTHEST_PX = 2**20
 
 # Exact coordinates, in units of 1/1024 px: path points on even numbers, pixel centres on odd ones.
 _UNIT, _CENTRE = 1024, 513
-# Crossings worked out at a time, to bound the memory.
-_AT_ONCE = 2**21
-# Ends are extended in steps of _STEP px, and an end lies within the overlap when the ground _BESIDE px to
-# both sides does.
-_STEP, _BESIDE = 0.25, 1 / 16
+#: Crossings computed at a time, to bound the memory.
+_BLOCK_CROSSINGS = 2**21
+#: Length of the steps by which ends are extended, px. An end lies in the overlap when the pixels at this
+#: distance on both sides do, px.
+_STEP_PX, _BESIDE_PX = 0.25, 1 / 16
 
-# A front this short, beside one ten times longer, is a speck in a mask: paths need not go round it.
+#: Longest front that is a speck of a mask if another front is ten times as long: paths need not go round it.
 _SPECK_PX = 16
 
 
@@ -72,7 +72,7 @@ def labels_from_paths(paths: Iterable[Polyline], overlap: Mask, side: Bytes) -> 
     Returns
     -------
     (H, W) bool array
-        True where ``b`` shows. Pixels of side 0 and 1 keep their side, whatever the paths do.
+        True where ``b`` shows. Pixels of side 0 and 1 keep their side with any paths.
 
     Raises
     ------
@@ -80,7 +80,7 @@ def labels_from_paths(paths: Iterable[Polyline], overlap: Mask, side: Bytes) -> 
         When the paths do not separate the patches: somewhere a front, a connected stretch along which free
         pixels border on ground of one side, ends up half or more beside the other patch. (Less is let pass: a
         path that was bent over the edge of the overlap, or that does not end at the very corner where the
-        patches part, still says what is meant. So does one that leaves out specks of a mask.)
+        patches part, is still clear. So is one that leaves out specks of a mask.)
     OptionError
         When `overlap` and `side` do not fit together.
 
@@ -115,7 +115,7 @@ def labels_from_paths(paths: Iterable[Polyline], overlap: Mask, side: Bytes) -> 
     free = overlap & (side == _FREE)
     if not free.any():
         return labels
-    # A window round the free pixels, with two pixels of margin: their neighbours, and nothing.
+    # A window round the free pixels, with two pixels of margin: their neighbours, then empty ones.
     box = box_of(free, 1)
     ground = np.pad(
         np.where((side[box] == _FREE) & ~overlap[box], _NONE, side[box]), 1, constant_values=_NONE
@@ -150,9 +150,7 @@ def _outline(path: Polyline) -> Floats:
 
 
 def _extended(outline: Floats, within: Mask, whole_box: bool) -> Floats:
-    """The outline with its two ends (if it has any) moved straight on until they leave the overlap, or its
-    bounding box.
-    """
+    """Extend the ends of an open outline straight on until they leave the overlap, or its bounding box."""
     if (outline[0] == outline[-1]).all():
         return outline
     before, after = _beyond(outline[::-1], within, whole_box), _beyond(outline, within, whole_box)
@@ -160,7 +158,7 @@ def _extended(outline: Floats, within: Mask, whole_box: bool) -> Floats:
 
 
 def _beyond(outline: Floats, within: Mask, whole_box: bool) -> Floats:
-    """Where the last point of an outline goes: (1, 2), or (0, 2) when it can stay."""
+    """Find the point to which an outline is extended beyond its last one: (1, 2), or (0, 2) for none."""
     end = outline[-1]
     moved = (outline != end).any(axis=1)
     height, width = within.shape
@@ -168,10 +166,10 @@ def _beyond(outline: Floats, within: Mask, whole_box: bool) -> Floats:
         return np.empty((0, 2))
     back = end - outline[np.flatnonzero(moved)[-1]]
     towards = back / np.hypot(*back)
-    # As far as to leave the window, wherever in it the end is.
-    distance = np.arange(_STEP / 2, height + width, _STEP)
+    # Far enough to leave the window from any place in it.
+    distance = np.arange(_STEP_PX / 2, height + width, _STEP_PX)
     ray = end + distance[:, np.newaxis] * towards
-    beside = _BESIDE * np.array([-towards[1], towards[0]])
+    beside = _BESIDE_PX * np.array([-towards[1], towards[0]])
     inside = _at(within, ray + beside) & _at(within, ray - beside)
     # The first sample outside, or the one after the last inside; 0 where the end is outside already.
     steps = (
@@ -183,7 +181,7 @@ def _beyond(outline: Floats, within: Mask, whole_box: bool) -> Floats:
 
 
 def _at(mask: Mask, points: Floats) -> Mask:
-    """The mask's value in the pixel around each point, False outside."""
+    """Look up the mask in the pixel around each point; False outside."""
     height, width = mask.shape
     x, y = np.floor(points).astype(np.int64).T
     on = (x >= 0) & (x < width) & (y >= 0) & (y < height)
@@ -193,7 +191,7 @@ def _at(mask: Mask, points: Floats) -> Mask:
 
 
 class _Cut:
-    """Which neighbouring pixels of an (h, w) window paths keep apart.
+    """Pairs of neighbouring pixels of an (h, w) window that paths keep apart.
 
     Attributes
     ----------
@@ -224,8 +222,9 @@ class _Cut:
             np.bitwise_xor.at(self.down.ravel(), row * width + column, 1)
 
     def neighbours(self, pixels: Ints) -> tuple[Ints, Ints, Mask]:
-        """The four neighbours of each pixel (none on the border of the window): pixel, neighbour (flat), and
-        whether they are apart.
+        """List the four neighbours of pixels that do not lie on the border of the window.
+
+        Returns the pixel, its neighbour (flat indices), and whether they are apart.
         """
         width = self.right.shape[1]
         right, down = self.right.ravel(), self.down.ravel()
@@ -237,8 +236,9 @@ class _Cut:
 def _crossings(
     u: Ints, v: Ints, du: Ints, dv: Ints, below: Ints, size_u: int, size_v: int
 ) -> Iterator[tuple[Ints, Ints]]:
-    """Where segments from (u, v) to (u + du, v + dv) cross the lines v = centre of pixel j, as (j, i):
-    between centres i and i + 1 along u.
+    """Find where segments from (u, v) to (u + du, v + dv) cross the lines v = centre of pixel j.
+
+    Yields (j, i) for crossings between centres i and i + 1 along u.
 
     ``below`` is 1 where a crossing right at a centre belongs to the centres before it. Only 0 ≤ i < size_u
     and 0 ≤ j < size_v are given.
@@ -248,7 +248,7 @@ def _crossings(
     count = last - first
     total = np.cumsum(count)
     crossing = np.flatnonzero(count)
-    ends = np.searchsorted(total[crossing], np.arange(_AT_ONCE, int(count.sum()), _AT_ONCE))
+    ends = np.searchsorted(total[crossing], np.arange(_BLOCK_CROSSINGS, int(count.sum()), _BLOCK_CROSSINGS))
     for part in np.split(crossing, ends):
         many = count[part]
         segment = np.repeat(part, many)
@@ -263,7 +263,7 @@ def _crossings(
 
 
 def _shown(cut: _Cut, ground: Bytes) -> tuple[Mask, PathError | None]:
-    """Where ``b`` shows on free pixels, and what is wrong with it (None when nothing is)."""
+    """Label the free pixels; returns where ``b`` shows, and the error in the paths, None if there is none."""
     free = ground == _FREE
     flat_free, flat_ground = free.ravel(), ground.ravel()
     node, region, size = _regions(cut, free)
@@ -290,8 +290,10 @@ def _shown(cut: _Cut, ground: Bytes) -> tuple[Mask, PathError | None]:
 
 
 def _regions(cut: _Cut, free: Mask) -> tuple[Ints32, Ints32, Ints]:
-    """What paths leave joined: the node of each pixel (flat, -1 where not free), the region of each node, and
-    the regions' sizes in px.
+    """Find the regions that paths leave joined.
+
+    Returns the node of each pixel (flat, -1 where not free), the region of each node, and the sizes of the
+    regions in px.
     """
     # Label everything away from the paths at once; the pixels beside a path are nodes of their own, joined in
     # a small graph.
@@ -309,14 +311,14 @@ def _regions(cut: _Cut, free: Mask) -> tuple[Ints32, Ints32, Ints]:
 
 
 def _components(first: AnyInts, second: AnyInts, nodes: int) -> Ints32:
-    """The connected component of each node of a graph given by its edges."""
+    """Return the connected component of each node of a graph given by its edges."""
     graph = csr_array((np.ones(len(first), np.int8), (first, second)), shape=(nodes, nodes))
     component: Ints32 = connected_components(graph, directed=False)[1]
     return component
 
 
 def _at_cut(cut: _Cut) -> Mask:
-    """Pixels that a path separates from a neighbour."""
+    """Return the pixels that a path separates from a neighbour."""
     result = (cut.right | cut.down).astype(bool)
     result[:, 1:] |= cut.right[:, :-1].astype(bool)
     result[1:] |= cut.down[:-1].astype(bool)
@@ -324,8 +326,9 @@ def _at_cut(cut: _Cut) -> Mask:
 
 
 def _propagate(label: Mask, decided: Mask, first: Ints, second: Ints, size: Ints) -> Mask:
-    """Labels of all regions: undecided ones are opposite to decided ones across a path (`first` and `second`,
-    pairs in both orders).
+    """Label all regions: undecided ones are opposite to decided ones across a path.
+
+    `first` and `second` are the pairs of regions across a path from each other, in both orders.
 
     Where nothing is decided, the largest region shows ``a``.
     """
@@ -347,8 +350,9 @@ def _propagate(label: Mask, decided: Mask, first: Ints, second: Ints, size: Ints
 
 
 def _shortage(ground: Bytes, width: int, other: Ints, right: Mask) -> PathError | None:
-    """Which front is not separated; `other` are the (flat) ground pixels of all contacts, `right`
-    whether each got its way.
+    """Find a front that the paths do not separate from the other patch; None where there is none.
+
+    `other` are the (flat) ground pixels of all contacts, `right` whether each got the label it speaks for.
     """
     for side, name in ((_A, "a"), (_B, "b")):
         mine = ground[other] == side

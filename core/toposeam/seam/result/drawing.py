@@ -13,13 +13,14 @@ from toposeam.checks import check_items
 from toposeam.display import to_rgba8
 from toposeam.vector.polyline import Polyline
 
-_LINE = np.array([230, 30, 40], np.uint8)
-_HALO = np.array([255, 255, 255], np.uint8)
+#: Colours of the seam and of its halo.
+_LINE_RGB = np.array([230, 30, 40], np.uint8)
+_HALO_RGB = np.array([255, 255, 255], np.uint8)
 
 
 @runtime_checkable
 class HasPaths(Protocol):
-    """A seam, or whatever else consists of lines."""
+    """A seam, or anything else that consists of lines."""
 
     @property
     def paths(self) -> Sequence[Polyline]:
@@ -27,7 +28,7 @@ class HasPaths(Protocol):
 
 
 def draw_seams(image: npt.NDArray[Any], seams: Iterable[HasPaths]) -> npt.NDArray[np.uint8]:
-    """The picture with its seams in red on a white halo, thick enough to be seen at the picture's size.
+    """Draw seams over a picture, in red on a white halo, thick enough to be seen at the picture's size.
 
     Parameters
     ----------
@@ -53,13 +54,13 @@ def draw_seams(image: npt.NDArray[Any], seams: Iterable[HasPaths]) -> npt.NDArra
             _visit(visited, path)
     radius = max(0, round(min(drawn.shape[:2]) / 500))
     row, column = np.nonzero(visited)
-    _stamp(drawn, row, column, radius + max(1, radius), _HALO)
-    _stamp(drawn, row, column, radius, _LINE)
+    _stamp(drawn, row, column, radius + max(1, radius), _HALO_RGB)
+    _stamp(drawn, row, column, radius, _LINE_RGB)
     return drawn
 
 
 def _visit(visited: Mask, path: Polyline) -> None:
-    """Mark the pixels whose upper left corners a line visits; on the lower and right border those before."""
+    """Mark the pixels whose upper left corners a line visits; on the lower and right border the last ones."""
     from skimage.draw import line
 
     corners = np.minimum(np.floor(path.outline), np.array(visited.shape[::-1]) - 1).astype(int)

@@ -1,4 +1,4 @@
-"""The verdict on a seam that any law of the match cost or any method found, from the two pictures."""
+"""The verdict on a seam, from the two pictures: for seams of any law of the match cost, or any method."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from toposeam.seam.result.verdict import Verdict, verdict_of
 def seam_verdict(
     seam: Seam, a: npt.ArrayLike, b: npt.ArrayLike, *, data_range: float | None = None
 ) -> Verdict:
-    """Judge how likely a seam is to be seen, by the law "natural" whatever it was found by.
+    """Judge how likely a seam is to be seen, by the law "natural", even if another law found it.
 
     Parameters
     ----------

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -17,21 +17,19 @@ from toposeam.checks import check_number
 from toposeam.errors import OptionError, PathError, Term
 from toposeam.optimize.history import Frame, Iteration, Termination
 from toposeam.saving import save
-from toposeam.seam.exact.optimum import exact_labels
-from toposeam.seam.heat.method import potential_beside
 from toposeam.seam.problem.match_cost import MatchCost
 from toposeam.seam.problem.overlap import Side
 from toposeam.seam.problem.posing import pose
-from toposeam.seam.problem.seam_problem import SeamProblem
-from toposeam.seam.problem.solution import Solution
-from toposeam.seam.result.apply import labels_from_paths
+from toposeam.seam.problem.seam_problem import SeamProblem, Solution
 from toposeam.seam.result.verdict import Verdict, verdict_of
 from toposeam.sentence import counted
 from toposeam.vector.polyline import Polyline, trace_boundary
-from toposeam.vector.svg import SvgSeam, read_svg, write_svg
 
-#: A seam for people to bend may lie so far from the one that was found, px: less than a pixel, so that the
-#: stairs of pixel corners become lines.
+if TYPE_CHECKING:
+    from toposeam.vector.svg import SvgSeam
+
+#: Largest distance, px, from a seam to its simplified lines: less than a pixel, but enough for the stairs of
+#: pixel corners to become straight.
 EDITABLE_PX = 0.75
 
 
@@ -52,19 +50,19 @@ class Seam:
 
     #: (h, w) bool on the problem's window, True where ``b`` shows.
     _shown: Mask
-    #: (h, w) float32 in [0, 1] on the problem's window, the label potential; None where heat is asked for it
-    #: only when somebody wants it.
+    #: (h, w) float32 in [0, 1] on the problem's window, the label potential; None where it is computed when
+    #: it is first read.
     _potential: npt.NDArray[np.float32] | None
-    #: (H, W) bool, what shows ``b`` outside of the overlap, or what makes it.
+    #: (H, W) bool mask of the pixels outside of the overlap that show ``b``, or a function that returns it.
     _only_b: Mask | Callable[[], Mask]
     #: Σ M over the interfaces the seam cuts; comparable across methods for the same patches and cost options.
     cost: float
-    #: A cost that no seam of this overlap can undercut, up to rounding; 0 where nothing is proven. Exact
-    #: engines and ``prove=True`` give the least cost itself; heat gives the size of its flow where it solved
-    #: the overlap whole (up to 30,000 px), and what every seam cuts, between fixed pixels, besides.
+    #: Lower bound on the cost of every seam of this overlap, up to rounding; 0 where nothing is proven. Exact
+    #: engines and ``prove=True`` give the least cost itself. Heat gives the size of its flow where it solved
+    #: the overlap whole (up to 30,000 px), plus the cost between fixed pixels, which every seam pays.
     bound: float = 0.0
-    #: The engine that found it: the method that was asked for, or of "auto" the one that it took,
-    #: "shortest-path", "graph-cut" (a maximum flow) or "heat". "path" is a seam that was given.
+    #: The engine that found it: the method that was asked for, or the one that "auto" chose, which is
+    #: "shortest-path", "graph-cut" (a maximum flow) or "heat"; "path" for a seam that was given.
     method: str
     #: One record per inner iteration; empty for direct methods.
     history: tuple[Iteration, ...] = ()
@@ -88,9 +86,7 @@ class Seam:
         )
 
     def _repr_png_(self) -> bytes:
-        """For notebooks: ``a`` dark, ``b`` light, between them the label potential, and the seam drawn over
-        it.
-        """
+        """Draw the seam for notebooks: over ``a`` dark, ``b`` light, and the label potential between them."""
         from toposeam.display import to_png
         from toposeam.seam.result.drawing import draw_seams
 
@@ -98,7 +94,7 @@ class Seam:
 
     @property
     def only_b(self) -> Mask:
-        """(H, W) bool, what shows ``b`` outside of the overlap."""
+        """(H, W) bool mask of the pixels outside of the overlap that show ``b``."""
         return self._only_b() if callable(self._only_b) else self._only_b
 
     @cached_property
@@ -111,15 +107,17 @@ class Seam:
         """(H, W) float32 in [0, 1]: 0 where ``a`` shows, 1 where ``b`` shows, between them the label
         potential before the seam was decided.
 
-        Where method "auto" took another engine the overlap is heated when this is read first; one of more
-        than 30,000 px, by heat, too, in a band of some thirty pixels on either side of the seam. Of the other
-        methods it is the labels.
+        Where method "auto" chose an exact engine, the potential is computed when it is first read. In an
+        overlap of more than 30,000 px, by method "heat", too, it is computed in a band of some thirty pixels
+        on either side of the seam. With the other methods it equals the labels.
         """
         return self.problem.on_canvas(potential_on_window(self), self.only_b).astype(np.float32, copy=False)
 
     @cached_property
     def _window_potential(self) -> npt.NDArray[np.float32]:
         if self._potential is None:
+            from toposeam.seam.heat.method import potential_beside
+
             return potential_beside(self.problem, self._shown)
         return self._potential
 
@@ -133,12 +131,15 @@ class Seam:
 
     @cached_property
     def _optimum(self) -> float:
+        from toposeam.seam.exact.optimum import exact_labels
+
         found = self.problem.total(self._shown)  # capacities of SciPy's maximum flow are rounded
         return min(found, self.problem.total(exact_labels(self.problem)))
 
     def optimum_ratio(self) -> float:
-        """The seam's cost divided by the least possible one (1.0 is optimal); the optimum is computed on the
-        first call.
+        """Divide the seam's cost by the least possible one; 1.0 is optimal.
+
+        The optimum is computed on the first call.
 
         Among more than two layers the cost of both includes the interfaces with the layers around, which stay
         as they are.
@@ -147,9 +148,7 @@ class Seam:
 
     @cached_property
     def verdict(self) -> Verdict | None:
-        """How likely the seam is to be seen, and where; None unless its match cost is that of the law
-        "natural".
-        """
+        """The verdict on how likely the seam is to be seen; None unless its law is "natural"."""
         if self.settings.get("law") != "natural":
             return None
         return verdict_of(*self.problem.crossings(self._shown))
@@ -160,12 +159,12 @@ class Seam:
         return sum(line.length for line in self.paths)
 
     def simplified(self, tolerance: float = EDITABLE_PX) -> list[Polyline]:
-        """:attr:`paths` with fewer points, for people to bend.
+        """Simplify :attr:`paths` to few points, for editing by hand.
 
         Parameters
         ----------
         tolerance : float
-            How far a point left out may lie from the new line, px.
+            Largest distance of a point left out from the new line, px.
 
         Raises
         ------
@@ -176,7 +175,7 @@ class Seam:
         return [line.simplified(tolerance) for line in self.paths]
 
     def summary(self) -> dict[str, Any]:
-        """The seam in numbers, as JSON has them: method, cost, optimum, ratio (of both), bound (what is
+        """Return the seam in numbers, as in JSON: method, cost, optimum, ratio (of both), bound (what is
         proven, 0 for nothing), stages, iterations, termination, paths (their number), length_px and seconds;
         of the law "natural" also likeness, worst_likeness and look_at (:class:`toposeam.seam.Verdict`).
 
@@ -198,8 +197,9 @@ class Seam:
         } | ({} if self.verdict is None else self.verdict.summary())
 
     def to_svg(self, path: str | Path | None = None) -> str:
-        """The seam as an SVG document of the canvas's size, one path per line, its settings in
-        ``<metadata>``.
+        """Write the seam as an SVG document of the canvas's size, with its settings in ``<metadata>``.
+
+        Each line is a path.
 
         Parameters
         ----------
@@ -210,6 +210,8 @@ class Seam:
         -------
         str
         """
+        from toposeam.vector.svg import write_svg
+
         height, width = self.problem.overlap.canvas
         text = write_svg(
             self.paths, width, height, {**self.settings, "method": self.method, "cost": self.cost}
@@ -234,6 +236,8 @@ class Seam:
             When the document cannot be read, belongs to another canvas size, or its paths do not separate the
             patches.
         """
+        from toposeam.vector.svg import read_svg
+
         return apply_paths(read_svg(source), a, b, **options)
 
 
@@ -287,6 +291,9 @@ def apply_paths(
            [0, 0, 0, 1, 1, 1],
            [0, 0, 0, 1, 1, 1]])
     """
+    from toposeam.seam.result.apply import labels_from_paths
+    from toposeam.vector.svg import SvgSeam
+
     if not isinstance(drawing, SvgSeam):
         raise OptionError(
             "{parameter} is of class {type}; pass {allowed}",
@@ -339,7 +346,7 @@ def seam_of(
     settings: dict[str, Any],
     seconds: float,
 ) -> Seam:
-    """The frozen seam of a solution."""
+    """Build the seam of a solution."""
     problem.check(solution.labels)
     return Seam(
         _shown=problem.complete(solution.labels).astype(bool, copy=False),
@@ -358,12 +365,13 @@ def seam_of(
 
 
 def knows_potential(seam: Seam) -> bool:
-    """Whether the label potential was kept when the seam was found, and needs not be solved for."""
+    """Return whether the label potential was stored when the seam was found, so that none is computed."""
     return seam._potential is not None
 
 
 def potential_on_window(seam: Seam) -> npt.NDArray[np.float32]:
-    """The label potential on the window of the seam's problem, (h, w) float32; ``Seam.soft`` is as large as
-    the canvas.
+    """Return the label potential on the window of the seam's problem, (h, w) float32.
+
+    ``Seam.soft`` is as large as the canvas.
     """
     return seam._window_potential

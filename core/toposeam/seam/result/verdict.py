@@ -1,12 +1,12 @@
-"""How likely a seam is to be seen, and where: a number for scripts that make many joins, and for people.
+"""Verdicts: how likely a seam is to be seen, and where. For people, and for scripts that make many joins.
 
 Along the seam the costs of the law "natural" (:mod:`toposeam.seam.problem.natural`) are averaged over squares
 of 16 px. Of a mean cost c per interface, which is V² of one pixel plus V² of the other, the likeness is::
 
     1 / (1 + c / 18)
 
-1 where both pictures show the same, ½ where each of the two pixels differs by three times what is just seen,
-near 0 where something is cut in two.
+1 where both pictures show the same, ½ where each of the two pixels differs by three times the just
+noticeable, near 0 where something is cut in two.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ import numpy as np
 import numpy.typing as npt
 
 #: Side of the squares over which costs are averaged, px.
-_SQUARE = 16
-#: The mean cost at which the likeness is one half.
-_HALF = 18.0
-#: The share of a seam that is its worst part.
-_WORST = 0.1
-#: From this likeness of the worst tenth on a seam is called not to be seen.
+_SQUARE_PX = 16
+#: Mean cost per interface at which the likeness is one half.
+_HALF_COST = 18.0
+#: Share of a seam's interfaces that are its worst part.
+_WORST_SHARE = 0.1
+#: Least likeness of the worst part of a seam that counts as not to be seen.
 UNSEEN = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
-    """How like the two pictures are along a seam.
+    """The likeness of two pictures along a seam.
 
     Examples
     --------
@@ -49,11 +49,11 @@ class Verdict:
 
     @property
     def unseen(self) -> bool:
-        """Whether its worst tenth is likely not to be noticed either."""
+        """True if even the worst tenth of the seam is unlikely to be noticed."""
         return self.worst >= UNSEEN
 
     def inside(self, box: tuple[int, int, int, int] | None) -> Verdict:
-        """Judge what a crop of the canvas shows of the seam, with places counted from its corner.
+        """Judge the part of the seam inside a crop of the canvas, with places counted from its corner.
 
         Parameters
         ----------
@@ -73,7 +73,7 @@ class Verdict:
         return f"look at {self.where[0]},{self.where[1]}"
 
     def summary(self) -> dict[str, Any]:
-        """The verdict as JSON has it: likeness, worst_likeness, look_at."""
+        """Return the verdict as in JSON: likeness, worst_likeness, look_at."""
         return {
             "likeness": round(self.mean, 4),
             "worst_likeness": round(self.worst, 4),
@@ -84,7 +84,7 @@ class Verdict:
 def verdict_of(
     cost: npt.NDArray[np.floating[Any]], x: npt.NDArray[np.integer[Any]], y: npt.NDArray[np.integer[Any]]
 ) -> Verdict:
-    """Judge a seam by what each of its interfaces costs by the law "natural".
+    """Judge a seam by the cost of each of its interfaces, by the law "natural".
 
     Parameters
     ----------
@@ -98,22 +98,22 @@ def verdict_of(
     """
     if not len(cost):
         return Verdict(mean=1.0, worst=1.0, where=None)
-    _, square = np.unique(np.stack([y // _SQUARE, x // _SQUARE]), axis=1, return_inverse=True)
+    _, square = np.unique(np.stack([y // _SQUARE_PX, x // _SQUARE_PX]), axis=1, return_inverse=True)
     square = square.ravel()
     count = np.bincount(square)
-    likeness = 1 / (1 + np.bincount(square, cost) / count / _HALF)
+    likeness = 1 / (1 + np.bincount(square, cost) / count / _HALF_COST)
     means = (np.bincount(square, along) / count for along in (x, y))
     return _of_squares(np.stack([*means, likeness, count], axis=1))
 
 
 def _of_squares(squares: npt.NDArray[np.float64]) -> Verdict:
-    """Verdict of (K, 4) squares: x, y, likeness, number of interfaces."""
+    """Judge a seam by its (K, 4) squares: x, y, likeness, number of interfaces."""
     if not len(squares):
         return Verdict(mean=1.0, worst=1.0, where=None)
     likeness, count = squares[:, 2], squares[:, 3]
     order = np.argsort(likeness)
     share = np.cumsum(count[order]) / count.sum()
-    worst = order[: int(np.searchsorted(share, _WORST)) + 1]
+    worst = order[: int(np.searchsorted(share, _WORST_SHARE)) + 1]
     return Verdict(
         mean=float(np.average(likeness, weights=count)),
         worst=float(np.average(likeness[worst], weights=count[worst])),
@@ -123,7 +123,7 @@ def _of_squares(squares: npt.NDArray[np.float64]) -> Verdict:
 
 
 def worst_of(verdicts: Iterable[Verdict | None]) -> Verdict | None:
-    """Choose the one whose worst part is least like; None where one is missing, or there are none."""
+    """Choose the verdict with the least likeness of a worst part; None where one is missing, or all are."""
     found = list(verdicts)
     known = [verdict for verdict in found if verdict is not None]
     return min(known, key=lambda verdict: verdict.worst) if known and len(known) == len(found) else None

@@ -7,9 +7,9 @@ pixels, are one ideal terminal: the source at one end of the seam, the sink at t
 (m + 1)(n + 1) corners and m(n + 1) + n(m + 1) elements.
 
 *From pixels* (the planar dual): nodes are pixels, the same element has conductance 1/k and joins the two
-pixels on either side, and the terminals are what only ``a`` and only ``b`` cover. A label potential between 0
-and 1 jumps, across each interface, by the flux along it when the whole seam carries unit heat. This view has
-no ends to find; it holds for rings, islands and several gaps alike.
+pixels on either side, and the terminals are the ground of only ``a`` and of only ``b``. A label potential
+between 0 and 1 jumps, across each interface, by the flux along it when the whole seam carries unit heat. This
+view has no ends to find; it holds for rings, islands and several gaps alike.
 
 *Outermost elements.* The border pixels of the overlap, which are fixed to the patch beyond them, may change
 sides here, at M_max = 10⁶ per interface (Figure 3.6). Elements along a gap join a terminal to itself: they
@@ -32,7 +32,7 @@ from toposeam.heat.network import Network
 from toposeam.seam.problem.overlap import FREE, NONE, TOUCHING, A, B, neighbours
 from toposeam.seam.problem.seam_problem import M_MAX, SeamProblem, geometry
 
-#: M_max, the match cost of the outermost elements.
+#: The match cost of the outermost elements, M_max.
 OUTERMOST = M_MAX
 
 
@@ -63,11 +63,10 @@ class GroundStructure:
         return beside
 
     def zigzag(self) -> int:
-        """Number of elements of a zigzag seam, N_q at the start: width + height of the overlap (thesis
-        3.3.2).
+        """Count the elements of a zigzag seam, the first N_q: width + height of the overlap (thesis 3.3.2).
 
-        Several components add up. A component that holds several seams counts as often; where the seam is
-        closed, it goes there and back.
+        Several components add up. A component counts once for each of its seams, and twice if its seam is
+        closed, which leads there and back.
         """
         component, count = scipy.ndimage.label(self.side == FREE)
         if count == 0:
@@ -82,12 +81,12 @@ class GroundStructure:
         return total
 
     def _ends(self, component: npt.NDArray[np.int32]) -> tuple[Indices, Indices]:
-        """Where seams end: the component and the corner of each end."""
+        """Find the ends of seams: the component and the corner of each."""
         node = self.merged_corners()
         flat = self.side.ravel()
         to_b = (flat[self.first] == B) | (flat[self.second] == B)
-        # All free pixels to `a` is one valid cut. Any other has the same ends: the corners it meets an odd
-        # number of times.
+        # One valid cut gives all free pixels to `a`. Every other cut has the same ends: the corners that this
+        # one meets an odd number of times.
         within = np.maximum(component.ravel()[self.first], component.ravel()[self.second])[to_b]
         size = (self.side.shape[0] + 1) * (self.side.shape[1] + 1)
         key = np.concatenate([within * size + node[self.start[to_b]], within * size + node[self.end[to_b]]])
@@ -96,9 +95,7 @@ class GroundStructure:
         return odd // size, odd % size
 
     def merged_corners(self) -> Indices:
-        """For every corner of the window its node: itself, or the first of the corners that lie along the
-        same gap.
-        """
+        """Return the node of every corner: itself, or the first of the corners along the same gap."""
         h, w = self.side.shape
         gap = self.along_gap
         size = (h + 1) * (w + 1)
@@ -116,9 +113,7 @@ class GroundStructure:
     def spread(
         self, values: npt.NDArray[np.floating]
     ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
-        """Values per element as arrays per interface, ``right`` (h, w - 1) and ``down`` (h - 1, w); 0 where
-        there is no element.
-        """
+        """Spread values of elements to interfaces: ``right`` (h, w - 1) and ``down`` (h - 1, w), else 0."""
         h, w = self.side.shape
         right, down = np.zeros((h, w - 1), np.float32), np.zeros((h - 1, w), np.float32)
         across = self.second == self.first + 1
@@ -129,9 +124,7 @@ class GroundStructure:
 
 
 def ground_structure(problem: SeamProblem) -> GroundStructure:
-    """The ground structure of an overlap: every interface with at least one pixel of a component that has
-    something to decide.
-    """
+    """Build the ground structure of an overlap: the interfaces beside components with free pixels."""
     side, shared = problem.overlap.side, problem.overlap.shared
     component, count = scipy.ndimage.label(shared, TOUCHING)
     undecided = np.zeros(count + 1, bool)
@@ -191,7 +184,7 @@ class CornerNetwork:
         return self.conductors.n
 
     def flow(self, conductance: Floats) -> tuple[Floats, float]:
-        """Flux of every element and thermal compliance θᵀKθ (3.10), for unit heat.
+        """Compute the flux of every element and the thermal compliance θᵀKθ (3.10), for unit heat.
 
         Parameters
         ----------
@@ -222,7 +215,7 @@ class CornerNetwork:
         return flux / heat, 1.0 / heat
 
     def restricted(self, alive: Mask) -> CornerNetwork:
-        """The network of some elements only, without what they leave unconnected to both terminals.
+        """Build the network of some elements only, less those that are not connected to the terminals.
 
         Raises
         ------
@@ -251,7 +244,7 @@ class CornerNetwork:
 
 
 def corner_network(structure: GroundStructure) -> CornerNetwork | None:
-    """The ground structure from corners, source and sink at the two ends of the seam.
+    """Build the ground structure from corners, with source and sink at the two ends of the seam.
 
     Returns
     -------
@@ -278,8 +271,8 @@ def corner_network(structure: GroundStructure) -> CornerNetwork | None:
     number[free] = np.arange(n, dtype=np.int32)
     number[terminals] = n, n + 1
     elements = len(tail)
-    # Corners are joined along pixel sides, so the black fields of a chessboard are apart, but for those
-    # merged along a gap.
+    # Corners are joined along pixel sides, so no two black fields of a chessboard are joined; corners merged
+    # along a gap are left out.
     row, column = np.divmod(np.arange(len(node)), structure.side.shape[1] + 1)
     black = np.zeros(len(node), bool)
     black[node[(row + column) % 2 == 0]] = True
@@ -307,12 +300,12 @@ class PixelNetwork:
         return self.conductors.n
 
     def flow(self, conductance: Floats) -> tuple[Floats, float]:
-        """Flux of every element and thermal compliance, for unit heat; see :meth:`CornerNetwork.flow`."""
+        """Compute flux and thermal compliance for unit heat, as :meth:`CornerNetwork.flow` does."""
         flux, _ = self._jumps(conductance)
         return flux, float(np.sum(np.square(flux) / conductance))
 
     def potential(self, conductance: Floats) -> Floats:
-        """Label potential of every free pixel, (P,) floats in [0, 1]."""
+        """Compute the label potential of every free pixel, (P,) floats in [0, 1]."""
         potential: Floats = self._jumps(conductance)[1][self.node]
         return potential
 
@@ -322,7 +315,7 @@ class PixelNetwork:
         return np.abs(psi[c.head] - psi[c.tail]), psi
 
     def restricted(self, alive: Mask) -> PixelNetwork:
-        """The network of some elements only: the pixels on either side of the others become one node.
+        """Build the network of some elements only: the pixels on either side of the others become one node.
 
         Raises
         ------
@@ -337,7 +330,7 @@ class PixelNetwork:
 
 
 def pixel_network(structure: GroundStructure) -> PixelNetwork:
-    """The ground structure from pixels, without the elements along gaps; works for every topology."""
+    """Build the ground structure from pixels, without the elements along gaps; works for every topology."""
     flat = structure.side.ravel()
     pixels = np.flatnonzero(flat == FREE)
     n = len(pixels)

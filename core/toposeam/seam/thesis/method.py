@@ -48,8 +48,7 @@ from toposeam.errors import SolverError
 from toposeam.optimize.history import Frame, Iteration, Termination
 from toposeam.optimize.mma import MMA, MMAOptions
 from toposeam.optimize.oc import OCOptions, oc_step
-from toposeam.seam.problem.seam_problem import SeamProblem
-from toposeam.seam.problem.solution import Solution
+from toposeam.seam.problem.seam_problem import SeamProblem, Solution
 from toposeam.seam.thesis.ground_structure import (
     OUTERMOST,
     CornerNetwork,
@@ -61,20 +60,21 @@ from toposeam.seam.thesis.ground_structure import (
 )
 from toposeam.seam.thesis.options import ThesisOptions
 
-#: Distance of the upper asymptote, as good as infinite for densities of at most 1.
-_FAR = 1e3
+#: Distance of the upper asymptote: practically infinite for densities of at most 1.
+_UPPER_ASYMPTOTE = 1e3
 #: Share of the distance to the lower asymptote that one step leaves: a density that falls too fast takes a
 #: line out of the competition.
 _MARGIN = 0.3
-#: Solutions before the first elements may leave: until then heat still finds its way across.
-_SETTLED = 12
-#: Conductances that have all changed by the same factor, up to this share, are not solved for again.
-_ALIKE = 1e-9
+#: Solutions before the first elements are dropped: until then heat is still finding its way across.
+_SOLUTIONS_BEFORE_DROPPING = 12
+#: Largest relative spread of the factors by which conductances have changed that counts as one common factor:
+#: then no new solution is needed.
+_COMMON_FACTOR = 1e-9
 #: Multiples of the golden ratio, modulo 1, never repeat and differ most between neighbours.
 _GOLDEN = 0.6180339887498949
 #: Steps taken back one after the other before an iteration gives up.
-_RETREATS = 8
-#: Where the label potential of several lines is cut; the cheapest cut counts.
+_MOST_RETREATS = 8
+#: Thresholds at which the label potential of several lines is cut; the cheapest cut counts.
 _THRESHOLDS = tuple(np.linspace(0.05, 0.95, 19))
 
 
@@ -99,7 +99,7 @@ def thesis_path(
     -------
     Solution
         Its labels always separate the patches. Where its termination is not ``SINGLE_LINE`` the heat still
-        ran along several lines, and the labels are the best cut of what was there. ``soft`` is the label
+        ran along several lines, and the labels are the best cut of the last state. ``soft`` is the label
         potential at the end of stage 1.
     """
     structure = ground_structure(problem)
@@ -154,7 +154,7 @@ class _Run:
     # Algorithm 2
 
     def algorithm_2(self) -> bool:
-        """Stages until the heat runs along a single line; whether it does."""
+        """Run stages until the heat runs along a single line; returns whether it does."""
         o = self.options
         p = o.first_penalty
         self._solve(p)
@@ -176,8 +176,8 @@ class _Run:
             p = o.penalty
             length = (0.1 if stage == 1 else 1.0) * o.length_term * self._mean_cost()
             if stage > 1:
-                # Two branches alike in everything share the heat for ever; a start a little uneven, the same
-                # in every run, decides.
+                # Two identical branches would share the heat for ever; slightly uneven densities, the same in
+                # every run, decide between them.
                 self.rho = self.rho * (1.0 - o.uneven * (self.view.elements * _GOLDEN % 1.0))
             self.rho = np.maximum(self.rho, o.least_density)
             self._solve(p)
@@ -186,8 +186,7 @@ class _Run:
         return single
 
     def _algorithm_1(self, stage: int, p: float, weight: Floats, bound: float, to_single: bool) -> None:
-        """One stage: minimise ρᵀW s.t. C ≤ C* from the present densities until they rest, or the path is a
-        single line.
+        """Run one stage: minimise ρᵀW s.t. C ≤ C* until the densities rest, or the path is a single line.
 
         `weight` is W without the penalty 1/q of the stages before.
         """
@@ -202,7 +201,7 @@ class _Run:
         limit = o.first_iterations if stage == 1 else o.stage_iterations
         change = flux_change = 0.0
         for inner in range(1, limit + 1):
-            # Where W = M_maxʳ, any mass at all would drown the rest.
+            # Outermost elements, with W = M_maxʳ, are left out: any mass of them would drown the rest.
             ordinary = self.structure.cost[self.view.elements] < OUTERMOST
             self._record(stage, float((self.rho * weight * self.penalised)[ordinary].sum()), bound, change)
             at_rest = (
@@ -219,7 +218,7 @@ class _Run:
                 return
             before, flux_before = self.rho, self.flux
             sensitivity = -p * np.square(self.flux) / self.rho ** (p + 1)  # (3.13), with q = ρᵖ ΔT
-            asymptotes = (self.rho * ((p - 1.0) / (p + 1.0)), self.rho + _FAR) if curved else None
+            asymptotes = (self.rho * ((p - 1.0) / (p + 1.0)), self.rho + _UPPER_ASYMPTOTE) if curved else None
             new = mma.step(
                 self.rho, weight * self.penalised, self.compliance - bound, sensitivity, asymptotes
             )
@@ -235,8 +234,8 @@ class _Run:
                 weight = weight[kept]
 
     def _try(self, mma: MMA, new: Floats, p: float, allowed: float) -> bool:
-        """Take a step, shortened until its compliance is no more than allowed; whether that succeeded."""
-        for _ in range(_RETREATS):
+        """Take a step, shortened until its compliance is allowed; returns whether that succeeded."""
+        for _ in range(_MOST_RETREATS):
             self.rho = new
             try:
                 self._solve(p)
@@ -248,7 +247,7 @@ class _Run:
         return False
 
     def _harden(self, stage: int) -> None:
-        """The last stage: the path is found, and C* = N_q brings its densities to 1."""
+        """Run the last stage: the path is found, and C* = N_q brings its densities to 1."""
         o = self.options
         bound = self._n_flux()  # (3.20)
         if bound > 0:
@@ -260,8 +259,9 @@ class _Run:
     # Formulation 2
 
     def formulation_2(self) -> bool:
-        """Minimise compliance under a mass bound with conductivity M⁻ʳ (3.14)-(3.15); whether a single line
-        comes out.
+        """Minimise compliance under a mass bound with conductivity M⁻ʳ (3.14)-(3.15).
+
+        Returns whether the heat runs along a single line.
         """
         o = self.options
         mass = o.mass if o.mass is not None else float(self.structure.zigzag())
@@ -286,11 +286,11 @@ class _Run:
         self.conductance = conductivity * self.rho**p  # (3.11)
         self.solved += 1
         if self.latest is not None:
-            # As long as no density has reached a bound they all fall alike: heat takes the same ways, at
-            # another compliance.
+            # While no density has reached a bound, all change by one factor: the flux stays the same, and the
+            # compliance changes alone.
             conductance, compliance = self.latest
             grown = self.conductance / conductance
-            if np.ptp(grown) <= _ALIKE * grown.max():
+            if np.ptp(grown) <= _COMMON_FACTOR * grown.max():
                 self.compliance = compliance / float(grown.mean())
                 return
             self.latest = None
@@ -298,8 +298,9 @@ class _Run:
         self.latest = self.conductance, self.compliance
 
     def _n_flux(self) -> float:
-        """N_q (3.20); where most of the heat is spread thinner than the threshold, twice the least compliance
-        that the fluxes allow.
+        """Compute N_q (3.20).
+
+        Where most of the flux lies below the threshold, it is twice the least compliance that fluxes allow.
         """
         counted, reachable = (
             float(np.count_nonzero(self.flux > self.options.q_threshold)),
@@ -309,12 +310,12 @@ class _Run:
         return counted if enough else 2.0 * reachable
 
     def _mean_cost(self) -> float:
-        """Mean match cost along the path, weighted by flux."""
+        """Compute the mean match cost along the path, weighted by flux."""
         total = float(self.flux.sum())
         return float(self.cost @ self.flux) / total if total > 0 else 0.0
 
     def _is_single(self) -> bool:
-        """Whether every flux is 0 or 1, and those that are 1 make up the whole path."""
+        """Return whether every flux is 0 or 1, and those that are 1 make up the whole path."""
         threshold = self.options.q_threshold
         if np.any((self.flux > threshold) & (self.flux < 1.0 - threshold)):
             return False
@@ -325,11 +326,11 @@ class _Run:
         return True
 
     def _drop(self, p: float) -> Mask | None:
-        """Remove the dead elements; which ones stay, or None where nothing was removed."""
+        """Remove the dead elements; returns a mask of those that stay, or None where none was removed."""
         conductance = self.rho**p
         share = self.options.dead
         dead = (self.flux < share * self.flux.max()) & (conductance < share * conductance.max())
-        if self.solved < _SETTLED or np.count_nonzero(dead) < 0.1 * len(dead):
+        if self.solved < _SOLUTIONS_BEFORE_DROPPING or np.count_nonzero(dead) < 0.1 * len(dead):
             return None
         try:
             return self._keep(~dead)
@@ -367,9 +368,7 @@ class _Run:
             self.progress(min(0.95, self.solved / (o.first_iterations + 2 * o.stage_iterations)))
 
     def _potential(self) -> Floats:
-        """Label potential of every free pixel of the ground structure, from the conductances of the last
-        solution.
-        """
+        """Compute the label potential of every free pixel, from the conductances of the last solution."""
         if isinstance(self.view, PixelNetwork):
             return self.view.potential(self.conductance)
         conductance = np.zeros(len(self.structure.cost))
@@ -380,7 +379,7 @@ class _Run:
         return smaller.potential(conductance[np.searchsorted(self.pixels.elements, smaller.elements)])
 
     def _map(self, values: npt.NDArray[np.generic]) -> npt.NDArray[np.generic]:
-        """Values of the free pixels on the window; elsewhere those of the sides."""
+        """Spread values of the free pixels to the window; elsewhere those of the sides."""
         result = np.zeros(self.structure.side.shape, values.dtype)
         result.ravel()[self.pixels.pixels] = values
         return self.problem.complete(result)
@@ -389,8 +388,9 @@ class _Run:
         return self._map(self._potential().astype(np.float32)).astype(np.float32, copy=False)
 
     def best_cut(self) -> Mask:
-        """The cheapest labelling that the label potential gives at any of some thresholds; all of them are
-        the same for a single line.
+        """Cut the label potential at the threshold that gives the cheapest labelling.
+
+        For a single line all thresholds give the same one.
         """
         potential = self._potential()
         thresholds = (0.5,) if self._is_single() else _THRESHOLDS

@@ -1,4 +1,4 @@
-"""The options of the thesis's own method, :mod:`toposeam.seam.thesis.method`, which says what each is for."""
+"""The options of the thesis's own method; :mod:`toposeam.seam.thesis.method` explains them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from toposeam.errors import OptionError, Term
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ThesisOptions:
-    """How the thesis's method is carried out.
+    """Options of the thesis's method.
 
     Examples
     --------
@@ -53,13 +53,13 @@ class ThesisOptions:
     length_term: float = 2.0
     #: Largest change of a density in one iteration.
     move: float = 1.0
-    #: Where MMA gets its asymptotes: from the curvature of the compliance, or by Svanberg's rule.
+    #: Source of MMA's asymptotes: the curvature of the compliance, or Svanberg's rule.
     asymptotes: Literal["curvature", "moving"] = "curvature"
     #: A step to more than this multiple of the compliance bound is taken back.
     overshoot: float = 4.0
     #: An element with less flux and less conductance than this share of the largest leaves; 0: none does.
     dead: float = 1e-3
-    #: How uneven densities start out from stage 3 on; 0: as they were.
+    #: Largest share by which densities are lowered, unevenly, at the start of each stage from 3 on.
     uneven: float = 0.05
     #: Whether C* is raised where nothing within it could carry the heat.
     reachable: bool = True

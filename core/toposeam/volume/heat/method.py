@@ -29,7 +29,7 @@ from toposeam.heat.grid_flow import GridFlow
 from toposeam.heat.sweeps import Merged
 from toposeam.optimize.history import Iteration, Termination
 from toposeam.seam.problem.overlap import FREE, A, B
-from toposeam.seam.problem.solution import Solution
+from toposeam.seam.problem.seam_problem import Solution
 from toposeam.volume.heat.levels import VolumeLevel, coarsen, refine, refine_filling
 from toposeam.volume.problem.surface_problem import SurfaceProblem
 

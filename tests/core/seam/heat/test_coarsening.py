@@ -133,7 +133,7 @@ def test_pixels_that_are_nodes_alone_are_opened_again(monkeypatch):
     nodes[1, 2:8] = [0, 0, 1, 2, 2, 3]  # the free pixels: the outermost two are fixed
     opened = []
     monkeypatch.setattr(heat, "best_nearby", lambda problem, labels, near: opened.append(near))
-    heat._opened_again(problem, np.zeros_like(nodes, bool), nodes)
+    heat._refined(problem, np.zeros_like(nodes, bool), nodes)
     assert np.argwhere(opened[0]).tolist() == [[1, 4], [1, 7]]
 
 

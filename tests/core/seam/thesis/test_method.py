@@ -246,7 +246,7 @@ def test_skipping_solutions_of_equal_ratios_keeps_the_path(crops, monkeypatch):
     quick = thesis_path(problem, ThesisOptions())
     spared = len(quick.history) - len(flows)
     assert spared >= 2
-    monkeypatch.setattr(thesis, "_ALIKE", -1.0)
+    monkeypatch.setattr(thesis, "_COMMON_FACTOR", -1.0)
     flows.clear()
     full = thesis_path(problem, ThesisOptions())
     assert len(flows) >= len(full.history)
@@ -267,7 +267,7 @@ def test_leaving_out_dead_elements_keeps_the_path_and_the_seam(crops, monkeypatc
         problem = strip_problem(crops, [12, seed], *((80, 20), (120, 30))[seed % 2])
         with monkeypatch.context() as patch:
             quick = thesis_path(problem, ThesisOptions())
-            patch.setattr(thesis, "_SETTLED", 10**6)
+            patch.setattr(thesis, "_SOLUTIONS_BEFORE_DROPPING", 10**6)
             full = thesis_path(problem, ThesisOptions())
         mine, theirs = (
             [record for record in solution.history if record.stage == 1] for solution in (quick, full)

@@ -33,13 +33,11 @@ def plain(count):
     ]
 
 
-def marked(truth, i, j, rng, noise=1.0, columns=(0.0, 1.0), elsewhere=(0, 0)):
+def marked(truth, i, j, rng, noise=1.0, columns=(0.0, 1.0)):
     """Points that views i and j share in some columns of j, shares of its width, each a little off."""
     own = grid(SIZE, 7).reshape(-1, 2)
     own = own[(own[:, 0] >= columns[0] * SIZE[0]) & (own[:, 0] <= columns[1] * SIZE[0])]
-    there = (
-        truth[i].to_picture(truth[j].to_canvas(own)) + rng.normal(0, noise, own.shape) + np.array(elsewhere)
-    )
+    there = truth[i].to_picture(truth[j].to_canvas(own)) + rng.normal(0, noise, own.shape)
     seen = ((there >= 0) & (there <= np.array(SIZE) - 1)).all(axis=1)
     return np.hstack([there, own])[seen]
 

@@ -1,10 +1,13 @@
 """Where a cropped picture begins, and what is counted from there; what a name or a number means."""
 
 import json
+import re
 
 import numpy as np
 import pytest
+from three_pictures import AT, FILES, PLACES
 
+from toposeam.layers.canvas import largest_full
 from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
 from toposeam_cli.stitching import inputs
 
@@ -79,3 +82,38 @@ def test_a_name_counts_before_a_number(folder, toposeam, key, columns, shows):
     line = "stitch", "two.toml", "-o", "out.png", "--labels", "labels.png", "--keep", f"{key}=keep.png"
     assert toposeam(*line).code == 0
     assert (read_picture("labels.png").pixels[:20, 36:56] == shows).all()
+
+
+def test_the_worst_seam_speaks_for_all(three, toposeam):
+    """The last picture is a negative: its seams are seen, that between the others is not."""
+    picture = read_picture("c.png")
+    write_picture("c.png", Picture(pixels=255 - picture.pixels), True)
+    ran = toposeam("stitch", *FILES, *AT, "-o", "out.png", "--json")
+    facts = json.loads(ran.out)
+    seams = sorted(facts["seams"], key=lambda seam: seam["worst_likeness"])
+    assert seams[0]["worst_likeness"] < 0.5 < seams[-1]["worst_likeness"]
+    assert facts["worst_likeness"] == seams[0]["worst_likeness"]
+    assert facts["look_at"] == seams[0]["look_at"]
+
+
+def test_what_is_left_of_the_worst_pair_is_told_first(three, toposeam):
+    """One point of each pair is off, 6 px in the first pair and 12 px in the last one."""
+    lines = []
+    for first, second, off in (("a", "b", 6), ("a", "c", 9), ("b", "c", 12)):
+        shift = np.subtract(PLACES[second], PLACES[first])
+        points = [np.array([x, y]) for x in (42, 48, 54) for y in (34, 40, 46)]
+        for number, point in enumerate(point - PLACES[first] for point in points):
+            u, v = point - shift + ([off, 0] if number == 4 else [0, 0])
+            lines.append(f"{first}.png,{point[0]},{point[1]},{second}.png,{u},{v}")
+    (three / "points.csv").write_text("\n".join(lines))
+    ran = toposeam("stitch", *FILES, "--points", "points.csv", "--model", "shift", "-o", "out.png")
+    named = re.findall(r"px are left between (\w)\.png and (\w)\.png near", ran.err)
+    assert named == [("b", "c"), ("a", "c"), ("a", "b")]
+
+
+def test_of_equal_rectangles_the_upper_left_one_is_kept():
+    mask = np.zeros((40, 50), bool)
+    mask[2:12, 3:13] = mask[2:12, 20:30] = mask[20:30, 5:15] = True
+    assert largest_full(mask) == (2, 3, 12, 13)
+    mask[20:31, 5:15] = True
+    assert largest_full(mask) == (20, 5, 31, 15)

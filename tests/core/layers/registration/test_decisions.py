@@ -128,3 +128,14 @@ def test_without_a_horizon_the_picture_in_the_middle_lies_upright(order):
     middle = order.index(2)
     assert placement.turns[middle] == pytest.approx(0, abs=0.2)
     assert np.abs(np.delete(placement.turns, middle)).min() > 2
+
+
+@pytest.mark.medium
+@pytest.mark.parametrize(("steepest", "projection"), [(15, "flat"), (25, "cylinder"), (36, "sphere")])
+def test_a_tall_view_is_not_flat(steepest, projection):
+    """The camera went downwards; each picture shows 35 degrees down and 44 across."""
+    cameras = around(FOCAL, [(0, pitch, 0) for pitch in np.linspace(-steepest, steepest, 5)], SIZE)
+    points = all_pairs(cameras, np.random.default_rng(0), noise=0.0)
+    near = {pair: given for pair, given in points.items() if len(given) >= 14}
+    placement = ts.find_places(plain(5), points=near, model="rotation", focal=FOCAL, lens=0.0)
+    assert placement.projection == projection

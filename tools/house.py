@@ -352,7 +352,7 @@ def _stitch(*words: str) -> dict[str, Any]:
 
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed):
-        main(["stitch", *words, "--json", "--quiet", "--force"], standalone_mode=False)
+        main(["stitch", *words, "--json", "--quiet", "--force", "--jobs", "1"], standalone_mode=False)
     summary: dict[str, Any] = json.loads(printed.getvalue())
     return summary
 

@@ -19,18 +19,16 @@ def columns(start, stop, period):
 
 
 @pytest.mark.parametrize("turn", [0, 10, 30, 50, 70, 90])
-def test_a_round_canvas_is_cut_in_the_widest_run_of_fewest_layers(turn):
-    """Only one layer lies in 20, in 40 and in 14 columns in turn."""
+def test_a_round_canvas_is_cut_in_its_widest_run(turn):
+    """In 20, in 40 and in 14 columns in turn only one layer lies. A layer that lies at both edges and, apart,
+    near the left one is put together over the edge, without the wider one of its two gaps.
+    """
     layers = [columns(start + turn, stop + turn, 100) for start, stop in ((76, 106), (0, 36), (26, 86))]
     assert best_cut(layers, 100) == ((56 + turn) % 100, 1)
-
-
-def test_a_layer_cut_inside_is_put_together_over_its_smallest_gap():
-    """It lies in 10 columns at either edge of the canvas, and in 10 others near the left one."""
     alpha = np.zeros((4, 100), np.uint8)
     alpha[:, :10] = alpha[:, 20:30] = alpha[:, 90:] = 255
-    layer = ts.Layer(np.broadcast_to(np.arange(100, dtype=np.uint8), (4, 100)), alpha=alpha)
-    whole = narrowed(layer, 100)
+    apart = ts.Layer(np.broadcast_to(np.arange(100, dtype=np.uint8), (4, 100)), alpha=alpha)
+    whole = narrowed(apart, 100)
     assert whole.at == (90, 0)
     assert np.asarray(whole.image)[0, [0, 10, 39]].tolist() == [90, 0, 29]
 
@@ -49,7 +47,7 @@ def test_a_round_canvas_begins_at_0_where_all_layers_lie_on_it(first, origin):
     np.testing.assert_array_equal(stitched.image[:, first - origin : first - origin + 100], scene[:, :100])
 
 
-def test_a_seam_that_is_cut_with_its_canvas_closes_over_the_edge():
+def test_a_seam_cut_with_its_canvas_closes_over_the_edge():
     """Two layers all the way round agree along one row on the right, along another one on the left, along
     both beside the left edge, and between them at two columns. Cut open, the seam would take the left one's
     row up to the edge, where it does not meet that on the right.

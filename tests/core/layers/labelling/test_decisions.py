@@ -6,7 +6,7 @@ from toposeam.layers.canvas import Box
 from toposeam.layers.labelling import Labelling
 
 
-def test_a_pixel_goes_to_the_layer_beside_it_before_the_first_one():
+def test_a_pixel_goes_to_the_layer_beside_it_before_the_first():
     """Three layers lie on one row; the last one may show nowhere, the first one but for two pixels
     everywhere.
     """

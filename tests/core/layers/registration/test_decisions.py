@@ -83,7 +83,7 @@ def moved(*places):
     return points
 
 
-def test_the_wrong_pair_is_left_out_and_numbered_among_those_placed():
+def test_a_wrong_pair_is_left_out_by_numbers_of_those_placed():
     """The first picture belongs to no other. Two of the others match 70 px beside where they belong."""
     points = moved((0, 0), (60, 20), (20, 70), (80, 60), (40, 30))
     own = points[0, 3]
@@ -95,7 +95,7 @@ def test_the_wrong_pair_is_left_out_and_numbered_among_those_placed():
     assert [layer.at for layer in placement.layers] == [(0, 0), (60, 20), (20, 70), (80, 60), (40, 30)]
 
 
-def test_of_groups_of_one_size_that_of_the_first_picture_is_placed():
+def test_of_equal_groups_that_of_the_first_picture_is_placed():
     near = moved((0, 0), (60, 20))[0, 1]
     placement = ts.find_places(plain(4), points={(1, 2): near, (0, 3): near})
     assert placement.numbers == (0, 3)
@@ -115,7 +115,7 @@ def test_points_that_are_poor_are_no_perspective():
 
 @pytest.mark.medium
 @pytest.mark.parametrize("order", [(0, 1, 2, 3, 4), (2, 0, 4, 1, 3)])
-def test_without_a_horizon_the_picture_in_the_middle_lies_upright(order):
+def test_without_a_horizon_the_middle_picture_lies_upright(order):
     """The camera went from left to right, each time turned about its axis by as much again."""
     cameras = around(FOCAL, [(18 * step, 0, 4 * step) for step in order], SIZE)
     rng = np.random.default_rng(0)

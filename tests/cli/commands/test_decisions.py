@@ -117,3 +117,16 @@ def test_of_equal_rectangles_the_upper_left_one_is_kept():
     assert largest_full(mask) == (2, 3, 12, 13)
     mask[20:31, 5:15] = True
     assert largest_full(mask) == (20, 5, 31, 15)
+
+
+def test_a_saved_project_holds_what_lies_on_one_side(folder, toposeam):
+    """Both pictures lie to the left of the middle and above it, where Hugin's canvas has its origin."""
+    views = 'i w56 h40 f0 v30 y-60 p20 n"a.png"\ni w56 h40 f0 v30 y-42 p20 n"b.png"\n'
+    (folder / "in.pto").write_text(f"p f2 w720 h360 v360\nm i0\n{views}")
+    assert toposeam("stitch", "in.pto", "-o", "one.png", "--save-layout", "out.pto").code == 0
+    written = re.search(r"^p f2 w(\d+) h(\d+) ", (folder / "out.pto").read_text(), re.MULTILINE)
+    width, height = map(int, written.groups())
+    assert width >= 2 * 2 * (60 + 13)  # 2 px per degree, on either side of the middle
+    assert height >= 2 * 2 * (20 + 8)
+    assert toposeam("stitch", "out.pto", "-o", "again.png").code == 0
+    np.testing.assert_array_equal(read_picture("again.png").pixels, read_picture("one.png").pixels)

@@ -6,7 +6,7 @@ READY := $(VENV)/.ready
 ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1
 
 .DEFAULT_GOAL := help
-.PHONY: browser test-gimp-all help demo test test-lowest docs quick release gimp test-gimp gimp-figures bench-gimp translations plugin-zip check check-deep check-trust lint format bench bench-all results guard figures clean
+.PHONY: house browser test-gimp-all help demo test test-lowest docs quick release gimp test-gimp gimp-figures bench-gimp translations plugin-zip check check-deep check-trust lint format bench bench-all results guard figures clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
@@ -90,6 +90,9 @@ lint: $(READY)  ## ruff and mypy
 	$(BIN)/python -m ruff check .
 	$(BIN)/python -m ruff format --check .
 	$(BIN)/python -m mypy
+
+house: $(READY)  ## how easily a stitch is read: files and steps it runs, classes, places of options, JSON, branches
+	$(ONE_THREAD) $(BIN)/python tools/house.py
 
 format: $(READY)  ## let ruff rewrite what it can
 	$(BIN)/python -m ruff check --fix .

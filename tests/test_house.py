@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 from functools import cache
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
 import pytest
@@ -395,3 +396,50 @@ def test_a_map_for_mutations_takes_in_every_test_file():
     assert len(set(measured)) == len(measured)
     for side in ("core", "cli"):
         assert set((HERE / "tests" / side).rglob("test_*.py")) <= set(measured)
+
+
+@cache
+def house():
+    """The script that counts, as a module."""
+    spec = spec_from_file_location("house", HERE / "tools/house.py")
+    module = sys.modules["house"] = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    module.parsed = parsed  # each module is parsed once
+    return module
+
+
+def within(name: str, figure: int) -> None:
+    limit = house().LIMITS[name]
+    assert figure <= limit, f"{figure} {name}, and {limit} are the most; make house lists where"
+
+
+def test_a_stitch_gains_no_classes():
+    within("classes of a stitch", house().classes().total())
+
+
+def test_an_option_is_written_in_no_more_places():
+    places = house().option_places()
+    assert {"blend", "effort", "give"} <= set(places)
+    within("places of an option", max(map(len, places.values())))
+
+
+@pytest.mark.medium
+def test_no_function_branches_more():
+    most, where = house().branches()[0]
+    assert most <= house().LIMITS["branches of a function"], where
+
+
+def test_no_room_gains_constants():
+    within("constants of a room", max(house().constants().values()))
+
+
+@pytest.mark.medium
+def test_a_stitch_runs_no_more_files_and_steps():
+    walk = house().walk()
+    within("files that a stitch runs", walk.files)
+    within("steps of a stitch into another file", walk.steps)
+
+
+@pytest.mark.medium
+def test_json_of_a_stitch_has_no_more_forms():
+    within("forms of JSON", len(set(house().json_forms().values())))

@@ -132,3 +132,26 @@ def test_a_step_that_leaves_the_numbers_changes_nothing(monkeypatch):
     with pytest.raises(SolverError, match="too far apart"):
         state.step()
     np.testing.assert_array_equal(state.potential, before)
+
+
+@pytest.mark.parametrize("place", [20, 80])
+def test_a_cheapest_element_known_from_the_start_is_not_lost(place):
+    """A threshold of the first potential finds it. If all others counted as no more than that, the potential
+    would become even along the chain, and the thresholds, fewer than the elements, miss it.
+    """
+    cost = np.r_[np.full(150, 1.3), np.full(151, 8.0)]
+    cost[place] = 1
+    network = Network(300, np.r_[300, np.arange(300)], np.r_[np.arange(300), 301])
+    assert PrimalDual(network, cost).best_cut()[0] == pytest.approx(1)
+    state = solved(network, cost)
+    found, threshold = state.best_cut()
+    assert found == pytest.approx(1)
+    hot = state.potential > threshold
+    assert np.flatnonzero(hot[network.tail] != hot[network.head]).tolist() == [place]
+
+
+def test_of_equal_cuts_the_one_in_the_middle_is_taken():
+    network = Network(9, np.r_[9, np.arange(9)], np.r_[np.arange(9), 10])
+    found, threshold = PrimalDual(network, np.full(10, 3.0)).best_cut()
+    assert found == 3
+    assert threshold == pytest.approx(0.5, abs=0.01)

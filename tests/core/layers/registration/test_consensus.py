@@ -228,3 +228,23 @@ def test_what_is_the_same_tells_more_than_what_repeats_itself():
     matches[0, 11] = Match(wrong.first, wrong.second, 0.98)
     with pytest.raises(ts.OverlapError, match="too little else shows which is right"):
         without_contradictions(NAMES, SIZES, matches)
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "clear"), [(0.98, 0.9, True), (0.98, 0.98, False), (0.99999, 0.999, False)]
+)
+def test_how_well_pairs_correlate_counts_up_to_noise(right, wrong, clear):
+    """Two pairs hold a picture that a third one places elsewhere. Two at 0.98 tell four times as much as one
+    at 0.9, but what is the same but for noise tells no more than 0.999 does.
+    """
+    rng = np.random.default_rng(1)
+    matches = {
+        pair: dataclasses.replace(one, correlation=right) for pair, one in without(grid(rng), 0, 2).items()
+    }
+    matches[0, 11] = dataclasses.replace(match(0, 11, rng, elsewhere=(75, 0)), correlation=wrong)
+    if clear:
+        _, used = without_contradictions(NAMES, SIZES, matches)
+        assert set(matches) - set(used) == {(0, 11)}
+        return
+    with pytest.raises(ts.OverlapError, match="too little else shows which is right"):
+        without_contradictions(NAMES, SIZES, matches)

@@ -1,6 +1,6 @@
 from .border_bands import full_within, rim, rimmed
 from .canvas import Canvas, common_canvas, extent_of
-from .cylinder import Turned, narrowed, turned_map
+from .cylinder import Turned, narrowed, turned, turned_map
 from .largest_rectangle import largest_full
 from .layer import MAX_MEGAPIXELS, Box, Layer, as_layers, check_layers, cut
 from .painting import channel_count, paint
@@ -94,6 +94,7 @@ __all__ = [
     "rimmed",
     "several",
     "similarity",
+    "turned",
     "turned_map",
     "undistorted",
     "uniform",

@@ -1,4 +1,4 @@
-from .composition import Composition
+from .composition import WINDOW_BLOCKS, Composition
 from .local_warp import MOST
 from .options import StitchOptions
 from .restitch import restitch
@@ -8,6 +8,7 @@ from .summary import SeamOutline, pair_name, seams_svg
 
 __all__ = [
     "MOST",
+    "WINDOW_BLOCKS",
     "ArraySink",
     "Composition",
     "SeamOutline",

@@ -27,17 +27,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
+from toposeam.layers.canvas.canvas import Canvas
+from toposeam.layers.canvas.layer import Box, Layer
 from toposeam.layers.labelling.problem import Pair
 from toposeam.optimize.history import Termination
 from toposeam.seam.result.seam import Seam
 from toposeam.seam.result.verdict import Verdict
 from toposeam.vector.polyline import Polyline
 from toposeam.vector.svg import write_svg
-
-if TYPE_CHECKING:
-    from toposeam.layers.composite.composition import Composition
 
 SCHEMA = 1
 #: What a summary says of the places of a layer where these were sought.
@@ -84,9 +83,45 @@ class SeamOutline:
         return sum(line.length for line in self.paths)
 
 
-def summary_of(composition: Composition, *, optima: bool) -> dict[str, Any]:
+class Summarised(Protocol):
+    """What a summary is of: a :class:`toposeam.layers.Composition`."""
+
+    @property
+    def bent(self) -> float:
+        """The farthest by which layers were bent, px."""
+
+    @property
+    def canvas(self) -> Canvas:
+        """Layers and where they lie."""
+
+    @property
+    def layers(self) -> Sequence[Layer]:
+        """The layers as they show."""
+
+    @property
+    def view(self) -> Box:
+        """What of the canvas the picture shows."""
+
+    @property
+    def shown(self) -> Sequence[int]:
+        """How many pixels of the picture each layer shows."""
+
+    @property
+    def rounds(self) -> int:
+        """Rounds of expansions."""
+
+    @property
+    def outlines(self) -> Sequence[SeamOutline]:
+        """The seams without their problems."""
+
+    @property
+    def seams(self) -> Sequence[Seam]:
+        """The seams."""
+
+
+def summary_of(composition: Summarised, *, optima: bool) -> dict[str, Any]:
     """Return a composition in numbers, as the table above has them."""
-    names, view = composition.names, composition.view
+    names, view = composition.canvas.names, composition.view
     crop = None
     if view != composition.canvas.box:
         crop = (view.left, view.top, view.shape[1], view.shape[0])
@@ -118,7 +153,7 @@ def summary_of(composition: Composition, *, optima: bool) -> dict[str, Any]:
         {"name": layer.name, "at": list(layer.at), "shown_px": shown, **dict.fromkeys(_SOUGHT)}
         for layer, shown in zip(composition.layers, composition.shown, strict=True)
     ]
-    height, width = composition.shape
+    height, width = view.shape
     return {
         "schema": SCHEMA,
         "size": [width, height],

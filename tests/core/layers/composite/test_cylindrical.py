@@ -5,7 +5,7 @@ import pytest
 from scipy import ndimage
 
 import toposeam as ts
-from toposeam.layers.canvas.cylinder import Turned, turned
+from toposeam.layers.canvas import Turned, turned
 from toposeam.layers.composite import composed_of_masks
 
 PERIOD = 360

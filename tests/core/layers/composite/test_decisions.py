@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import toposeam as ts
-from toposeam.layers.composite.cylindrical import best_cut, narrowed
+from toposeam.layers.canvas import common_canvas, narrowed
 
 PERIOD = 360
 
@@ -24,7 +24,7 @@ def test_a_round_canvas_is_cut_in_its_widest_run(turn):
     near the left one is put together over the edge, without the wider one of its two gaps.
     """
     layers = [columns(start + turn, stop + turn, 100) for start, stop in ((76, 106), (0, 36), (26, 86))]
-    assert best_cut(layers, 100) == ((56 + turn) % 100, 1)
+    assert common_canvas(layers, wrap=100).sparsest_column() == ((56 + turn) % 100, 1)
     alpha = np.zeros((4, 100), np.uint8)
     alpha[:, :10] = alpha[:, 20:30] = alpha[:, 90:] = 255
     apart = ts.Layer(np.broadcast_to(np.arange(100, dtype=np.uint8), (4, 100)), alpha=alpha)

@@ -392,7 +392,7 @@ def test_beside_steps_marks_both_pixels_of_a_differing_pair():
         assert found.sum() == 3 * 4
 
 
-def test_label_potentials_of_many_layers_part_them_at_every_seam():
+def test_label_potentials_of_many_part_them_at_seams():
     joined = ts.stitch(pile(1, alike=True))
     for (_, second), seam in zip(joined.pairs, joined.seams, strict=True):
         beside = beside_steps(joined.label_map == second) & seam.labels

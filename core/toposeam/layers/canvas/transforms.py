@@ -203,17 +203,34 @@ def distorted(
 
 def undistorted(
     points: Floats,
-    size: tuple[int, int],
+    size: tuple[int, int] | Floats,
     lens: tuple[float, float, float],
     shift: tuple[float, float] = (0.0, 0.0),
 ) -> Floats:
-    """Invert :func:`distorted` by Newton's method."""
-    centre = (np.array(size) - 1) / 2 + np.array(shift)
-    drawn = points - centre
+    """Invert :func:`distorted` by Newton's method.
+
+    Parameters
+    ----------
+    points : (..., 2) float array
+        x and y in the picture, px.
+    size : (int, int) or (..., 2) float array
+        Width and height of the picture, px, or of each point's own picture.
+    lens : (float, float, float)
+        a, b and c.
+    shift : (float, float)
+        Of the optical axis from the picture's centre, px.
+
+    Returns
+    -------
+    (..., 2) float array
+        px from the optical axis.
+    """
+    sides = np.asarray(size, float)
+    drawn = points - ((sides - 1) / 2 + np.array(shift))
     if not any(lens):
         return np.asarray(drawn)
     a, b, c = lens
-    half, farthest = min(size) / 2, _turning_radius(lens)
+    half, farthest = sides.min(axis=-1, keepdims=True) / 2, _turning_radius(lens)
     wanted = np.linalg.norm(drawn, axis=-1, keepdims=True) / half
     radius = np.minimum(wanted, 0.95 * farthest)
     for _ in range(_NEWTON_STEPS):

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -186,6 +186,8 @@ class _Problem:
     free_distortion: bool
     #: Whether each picture has a focal length of its own.
     free_zoom: bool = False
+    #: Points free of the last distortion that was asked for.
+    _ideal: dict[float, tuple[Floats, Floats]] = field(init=False, repr=False, default_factory=dict)
 
     @property
     def each(self) -> int:
@@ -236,16 +238,18 @@ class _Problem:
         return np.concatenate([[math.log(focal), 0.0], own.ravel()])
 
     def ideal(self, distortion: float) -> tuple[Floats, Floats]:
-        """Points of both pictures, centred and free of distortion."""
-        result = []
-        for index, points in ((self.points.first, self.points.p), (self.points.second, self.points.q)):
-            ideal = np.empty_like(points)
-            for size in {tuple(size) for size in self.sizes.tolist()}:
-                width, height = size
-                own = (self.sizes[index] == size).all(axis=1)
-                ideal[own] = undistorted(points[own], (int(width), int(height)), (0.0, distortion, 0.0))
-            result.append(ideal)
-        return result[0], result[1]
+        """Return the points of both pictures, centred and free of distortion.
+
+        They are kept until another distortion is asked for: most steps leave it as it is.
+        """
+        if distortion not in self._ideal:
+            points = self.points
+            drawn = np.concatenate([points.p, points.q])
+            sizes = self.sizes[np.concatenate([points.first, points.second])]
+            ideal = undistorted(drawn, sizes, (0.0, distortion, 0.0))
+            self._ideal.clear()
+            self._ideal[distortion] = ideal[: len(points.p)], ideal[len(points.p) :]
+        return self._ideal[distortion]
 
     def residuals(self, unknowns: Floats) -> Floats:
         """(K + 1,): px ÷ the uncertainty of points, in x and y, and what is known of the focal length."""

@@ -21,7 +21,7 @@ import numpy as np
 
 from toposeam.arrays import Floats
 from toposeam.heat.threads import one_thread
-from toposeam.layers.canvas.transforms import NOWHERE, distorted
+from toposeam.layers.canvas.transforms import NOWHERE, distorted, undistorted
 from toposeam.layers.execution.tasks import Executor, results
 from toposeam.layers.labelling.problem import Pair
 from toposeam.layers.registration.bundle_adjustment import (
@@ -189,32 +189,38 @@ def _usual(off: Mapping[Pair, float], pairs: Collection[Pair], diagonal: float) 
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Between:
-    """From the pixels of picture j to those of picture i, by a bundle."""
+class _PairTransform:
+    """From the pixels of the second picture of a pair to those of the first, by a bundle."""
 
-    bundle: Bundle
-    i: int
-    j: int
+    sizes: tuple[tuple[int, int], tuple[int, int]]
+    #: (3, 3) from the centred pixels of the first picture to those of the second.
+    matrix: Floats
+    lens: tuple[float, float, float]
+
+    @classmethod
+    def of(cls, bundle: Bundle, i: int, j: int) -> _PairTransform:
+        return cls((bundle.size(i), bundle.size(j)), bundle.between(i, j), bundle.lens)
 
     def to_canvas(self, points: Floats) -> Floats:
-        return self._mapped(points, self.j, self.i, np.nan)
+        back = np.asarray(np.linalg.inv(self.matrix), float)
+        return self._mapped(points, back, self.sizes[1], self.sizes[0], np.nan)
 
     def to_picture(self, points: Floats) -> Floats:
-        return self._mapped(points, self.i, self.j, NOWHERE)
+        return self._mapped(points, self.matrix, *self.sizes, NOWHERE)
 
-    def _mapped(self, points: Floats, start: int, end: int, missing: float) -> Floats:
-        bundle = self.bundle
-        matrix = bundle.between(start, end)
-        flat = bundle.ideal(start, points.reshape(-1, 2))
+    def _mapped(
+        self, points: Floats, matrix: Floats, start: tuple[int, int], end: tuple[int, int], missing: float
+    ) -> Floats:
+        flat = undistorted(points.reshape(-1, 2), start, self.lens)
         depth = flat @ matrix[2, :2] + matrix[2, 2]
-        seen = distorted(applied(matrix, flat), bundle.size(end), bundle.lens)
-        seen[~(depth > 0) | ~np.isfinite(seen).all(axis=1)] = missing
-        return seen.reshape(points.shape)
+        shown = distorted(applied(matrix, flat), end, self.lens)
+        shown[~(depth > 0) | ~np.isfinite(shown).all(axis=1)] = missing
+        return shown.reshape(points.shape)
 
 
 def _with_patches(looks: Sequence[Look], fit: ModelFit, executor: Executor | None) -> dict[Pair, Match]:
     """The matches with patches in front of the features; of many patches alone."""
-    items = [(looks[i], looks[j], _Between(fit.bundle, i, j)) for i, j in fit.matches]
+    items = [(looks[i], looks[j], _PairTransform.of(fit.bundle, i, j)) for i, j in fit.matches]
     better = {}
     for (pair, match), laid in zip(fit.matches.items(), results(executor, _laid, items), strict=True):
         if laid is None or not len(laid.first):
@@ -231,5 +237,5 @@ def _with_patches(looks: Sequence[Look], fit: ModelFit, executor: Executor | Non
 
 
 @one_thread()
-def _laid(item: tuple[Look, Look, _Between]) -> LaidPatches | None:
+def _laid(item: tuple[Look, Look, _PairTransform]) -> LaidPatches | None:
     return find_patches(*item, count=_PATCHES)

@@ -55,39 +55,39 @@ def find_patches(a: Look, b: Look, transform: Transform, count: int = _PATCHES) 
     size = int(min(_PATCH, *(0.7 * (high - low))))
     if size < _LEAST_SIDE:
         return None
-    points_a, points_b, energy = [], [], np.zeros(3)
-    register: Any = phase_cross_correlation  # carries no types
     tops, lefts = (np.linspace(low[k], high[k] - size + 1, count).astype(int) for k in (1, 0))
-    for top in tops:
-        for left in lefts:
-            if not a.known[top : top + size, left : left + size].all():
-                continue
-            y, x = np.mgrid[top : top + size, left : left + size]
-            where = transform.to_picture(np.stack([x.ravel(), y.ravel()], axis=1).astype(float)).T
-            if (where < 0).any() or where[0].max() > width - 1 or where[1].max() > height - 1:
-                continue
-            one = a.detail[top : top + size, left : left + size]
-            if not b.known[np.rint(where[1]).astype(int), np.rint(where[0]).astype(int)].all():
-                continue
-            other = scipy.ndimage.map_coordinates(b.detail, where[::-1], order=1).reshape(one.shape)
-            shift = np.zeros(2)
-            if one.std() > 0 and other.std() > 0:
-                shift = register(one, other, upsample_factor=_UPSAMPLING, normalization=None)[0]
-            moved = scipy.ndimage.shift(other, shift, order=1)
-            first, second = one[4:-4, 4:-4], moved[4:-4, 4:-4]
-            products = np.array([(first * second).sum(), (first**2).sum(), (second**2).sum()], np.float64)
-            energy += products
-            own = float(products[0] / np.sqrt(max(products[1] * products[2], 1e-12)))
-            if own > _LEAST_OWN and cornered(one) and np.abs(shift).max() <= size / 4:
-                centre = np.array([left + (size - 1) / 2, top + (size - 1) / 2])
-                points_a.append(centre)
-                points_b.append(transform.to_picture(centre - shift[::-1]))
+    corners = np.array(
+        [(left, top) for top in tops for left in lefts if a.known[top : top + size, left : left + size].all()]
+    ).reshape(-1, 2)
+    # (K, size, size, 2) x and y in `b` of all patches at once.
+    grid = np.stack(np.meshgrid(np.arange(size), np.arange(size)), axis=-1)
+    coordinates = transform.to_picture((corners[:, np.newaxis, np.newaxis] + grid).astype(float))
+    inside = ((coordinates >= 0) & (coordinates <= np.array([width, height]) - 1)).all(axis=(1, 2, 3))
+    centres, shifts, energy = [], [], np.zeros(3)
+    register: Any = phase_cross_correlation  # carries no types
+    for (left, top), (x, y) in zip(corners[inside], np.moveaxis(coordinates[inside], 3, 1), strict=True):
+        if not b.known[np.rint(y).astype(int), np.rint(x).astype(int)].all():
+            continue
+        one = a.detail[top : top + size, left : left + size]
+        other = scipy.ndimage.map_coordinates(b.detail, [y, x], order=1)
+        shift = np.zeros(2)
+        if one.std() > 0 and other.std() > 0:
+            shift = register(one, other, upsample_factor=_UPSAMPLING, normalization=None)[0]
+        moved = scipy.ndimage.shift(other, shift, order=1)
+        first, second = one[4:-4, 4:-4], moved[4:-4, 4:-4]
+        products = np.array([(first * second).sum(), (first**2).sum(), (second**2).sum()], np.float64)
+        energy += products
+        own = float(products[0] / np.sqrt(max(products[1] * products[2], 1e-12)))
+        if own > _LEAST_OWN and cornered(one) and np.abs(shift).max() <= size / 4:
+            centres.append(np.array([left, top]) + (size - 1) / 2)
+            shifts.append(shift[::-1])
     if energy[1] * energy[2] <= 0:
         return None
     correlation = float(energy[0] / np.sqrt(energy[1] * energy[2]))
-    if len(points_a) < _LEAST_PATCHES:
+    if len(centres) < _LEAST_PATCHES:
         return LaidPatches(np.zeros((0, 2)), np.zeros((0, 2)), min(correlation, 0.0))
-    return LaidPatches(_full(np.array(points_a), a.fine), _full(np.array(points_b), b.fine), correlation)
+    first, second = np.array(centres), transform.to_picture(np.array(centres) - np.array(shifts))
+    return LaidPatches(_full(first, a.fine), _full(second, b.fine), correlation)
 
 
 @dataclass(frozen=True, slots=True)

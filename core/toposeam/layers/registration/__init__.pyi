@@ -1,12 +1,12 @@
 from .align import Aligned, correlations
 from .bundle_adjustment import adjust_cameras, adjust_plane, left_over
 from .consensus import without_contradictions
+from .features import find_features
 from .find_places import PlaceOptions, among, found_places
 from .homography import applied
 from .pair_matching import Match
 from .panorama import View, camera_transforms, plane_transforms
 from .placement import MODELS, Placement, Residual
-from .sift import find_features
 
 __all__ = [
     "MODELS",

@@ -1,5 +1,5 @@
-"""From adjusted pictures to transforms onto a canvas: the horizon level, the middle in the middle, and a
-projection that suits the field of view.
+"""Lay adjusted pictures on a canvas: the horizon level, the middle in the middle, in a projection that suits
+the field of view.
 """
 
 from __future__ import annotations
@@ -16,21 +16,21 @@ from toposeam.layers.canvas.transforms import CameraTransform, PlaneTransform, P
 from toposeam.layers.registration.bundle_adjustment import Bundle
 from toposeam.layers.registration.homography import applied, least_squares_homography
 
-#: Fields of view up to which a projection is chosen, degrees: across and down.
-_FLAT, _CYLINDER = (95.0, 80.0), 100.0
-#: What the mean of the cameras' own verticals says against the horizon that their turns share.
-_UPRIGHT = 0.002
-#: The share of the pictures' corners that a camera must see less than 55° off its middle.
-_AHEAD = 0.8
-#: Steps of the circle in which the directions that pictures show are counted.
-_CIRCLE = 1440
+#: Largest field of view of a flat canvas, degrees across and down, and of a cylinder, down.
+_LARGEST_FLAT, _LARGEST_CYLINDER = (95.0, 80.0), 100.0
+#: Weight of the mean of the cameras' own verticals beside the horizon that their turns share.
+_VERTICAL_WEIGHT = 0.002
+#: Share of the pictures' corners that a camera must see less than 55° off its middle to show a plane.
+_LEAST_AHEAD = 0.8
+#: Steps of a circle in which the directions that pictures show are counted.
+_CIRCLE_STEPS = 1440
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class View:
-    """How a canvas shows what a camera saw."""
+    """The view of a canvas on what a camera saw."""
 
-    #: None is chosen by the field of view.
+    #: None for the one that suits the field of view.
     projection: Projection | None = None
     #: Whether the horizon is to be level.
     level: bool = True
@@ -43,13 +43,19 @@ class View:
 def plane_transforms(
     bundle: Bundle, camera: Bundle | None = None, view: View | None = None
 ) -> tuple[PlaneTransform, ...]:
-    """Transforms of all pictures onto one plane, seen so that all share its perspective.
+    """Lay all pictures on one plane, in a perspective that suits all of them.
 
-    Where a camera explains the pictures nearly as well, and sees most of them ahead, the plane is seen as
-    that camera shows it, with the horizon level.
+    Where a camera explains the pictures nearly as well, and sees most of them ahead, the plane is viewed as
+    that camera shows it, with the horizon level. Otherwise the view is taken in which the scale differs least
+    from place to place; on average it leaves the middles of the pictures unchanged.
 
-    Of all views of the plane that one is taken in which the scale differs least from place to place, the mean
-    of what happens in the middle of each picture being nothing.
+    Parameters
+    ----------
+    bundle : Bundle
+        Of a plane.
+    camera : Bundle, optional
+        A camera that explains the pictures nearly as well.
+    view : View, optional
     """
     centres = np.tile(np.eye(3), (len(bundle.sizes), 1, 1))
     centres[:, :2, 2] = (bundle.sizes - 1) / 2
@@ -64,7 +70,7 @@ def plane_transforms(
         wanted = np.concatenate([one.to_canvas(own[:, :2]) for one, own in zip(cameras, spots, strict=True)])
         plain = np.concatenate([applied(one, own[:, :2]) for one, own in zip(matrices, spots, strict=True)])
         ahead = np.isfinite(wanted).all(axis=1)
-        if ahead.mean() > _AHEAD:
+        if ahead.mean() > _LEAST_AHEAD:
             upright = least_squares_homography(wanted[ahead], plain[ahead]) @ matrices
             depths = np.einsum("kj,kj->k", upright[:, 2], spots[:, 4])
             if depths.min() > 0:
@@ -72,14 +78,14 @@ def plane_transforms(
                     PlaneTransform(matrix / depth) for matrix, depth in zip(upright, depths, strict=True)
                 )
 
-    def seen(tilt: Floats) -> Floats:
-        """The plane seen with another line at infinity."""
-        view = np.eye(3)
-        view[2, :2] = tilt / side
-        return np.asarray(view @ matrices)
+    def tilted(tilt: Floats) -> Floats:
+        """View the plane with another line at infinity."""
+        perspective = np.eye(3)
+        perspective[2, :2] = tilt / side
+        return np.asarray(perspective @ matrices)
 
     def unevenness(tilt: Floats) -> float:
-        views = seen(tilt)
+        views = tilted(tilt)
         depths = np.einsum("kj,kpj->kp", views[:, 2], spots)
         if depths.min() <= 0:
             return math.inf
@@ -87,7 +93,7 @@ def plane_transforms(
 
     start = np.zeros(2)
     if math.isfinite(unevenness(start)) and unevenness(start) > 1e-12:
-        matrices = seen(scipy.optimize.minimize(unevenness, start, method="Nelder-Mead").x)
+        matrices = tilted(scipy.optimize.minimize(unevenness, start, method="Nelder-Mead").x)
     step = np.array([[0, 1, 0], [0, 0, 1], [0, 0, 0]])
     there = applied(matrices, np.swapaxes(spots[:, 4, :2, np.newaxis] + step[:2], 1, 2))
     mean = np.mean(np.swapaxes(there[:, 1:] - there[:, :1], 1, 2), axis=0)
@@ -102,12 +108,19 @@ def plane_transforms(
 
 
 def camera_transforms(bundle: Bundle, view: View) -> tuple[tuple[CameraTransform, ...], int | None]:
-    """Transforms of all pictures of a turning camera, and the canvas's width, if it goes all the way round.
+    """Lay all pictures of a turning camera on a canvas.
 
     Parameters
     ----------
     bundle : Bundle
+        Of a camera.
     view : View
+
+    Returns
+    -------
+    transforms : tuple of CameraTransform
+    width : int or None
+        Of the canvas, px, where it goes all the way round.
     """
     turns = _upright(bundle, view)
     rays = [_rays(bundle, turns, index) for index in range(len(turns))]
@@ -145,25 +158,25 @@ def camera_transforms(bundle: Bundle, view: View) -> tuple[tuple[CameraTransform
 
 
 def _suitable(across: float, down: float, steepest: float) -> Projection:
-    """The projection that suits a field of view, degrees, and how steep it looks at most."""
-    if across <= _FLAT[0] and down <= _FLAT[1]:
+    """Choose the projection that suits a field of view and its steepest direction, degrees."""
+    if across <= _LARGEST_FLAT[0] and down <= _LARGEST_FLAT[1]:
         return "flat"
-    return "cylinder" if 2 * steepest <= _CYLINDER else "sphere"
+    return "cylinder" if 2 * steepest <= _LARGEST_CYLINDER else "sphere"
 
 
 def _upright(bundle: Bundle, view: View) -> Floats:
-    """(N, 3, 3) turns of the cameras in a frame whose y axis points down.
+    """Return the (N, 3, 3) turns of the cameras in a frame whose y axis points down.
 
     People turn a camera about the vertical and hold it level across: the horizontal axes of all pictures lie
-    in the plane of the horizon (Brown and Lowe 2007, section 5). Where they do not tell, as of a tower from
-    its foot to its top, the pictures' own verticals do.
+    in the plane of the horizon (Brown and Lowe 2007, section 5). Where these determine no plane, as of a
+    tower from its foot to its top, the pictures' own verticals do.
     """
     turns = bundle.rotations
     if not view.level:
         return np.asarray(turns[bundle.middle if view.centre is None else view.centre].T @ turns)
     across, own = turns[:, :, 0], turns[:, :, 1].mean(axis=0)
     own /= np.linalg.norm(own)
-    spread = across.T @ across / len(across) - _UPRIGHT * np.outer(own, own)
+    spread = across.T @ across / len(across) - _VERTICAL_WEIGHT * np.outer(own, own)
     down = np.linalg.eigh(spread)[1][:, 0]
     down *= 1 if down @ own >= 0 else -1
     forward = turns[bundle.middle][:, 2]
@@ -175,7 +188,7 @@ def _upright(bundle: Bundle, view: View) -> Floats:
 
 
 def _rays(bundle: Bundle, turns: Floats, index: int) -> Floats:
-    """(M, 3) directions that a picture shows."""
+    """Compute (M, 3) directions that a picture shows."""
     width, height = bundle.sizes[index]
     x, y = np.linspace(0, width - 1, 33), np.linspace(0, height - 1, 33)
     points = bundle.ideal(index, np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)) / bundle.focals[index]
@@ -184,35 +197,39 @@ def _rays(bundle: Bundle, turns: Floats, index: int) -> Floats:
 
 
 def _directions(rays: Sequence[Floats]) -> tuple[tuple[float, float], bool]:
-    """Between which angles about the vertical pictures show something, and whether all the way round."""
-    shown = np.zeros(_CIRCLE, bool)
+    """Find the angles about the vertical, rad, between which pictures show something, and whether they go all
+    the way round.
+    """
+    shown = np.zeros(_CIRCLE_STEPS, bool)
     for ray in rays:
         yaw = np.arctan2(ray[:, 0], ray[:, 2])
         centre = math.atan2(ray[:, 0].mean(), ray[:, 2].mean())
-        off = wrapped(yaw - centre)
-        low, high = ((centre + angle) / (2 * math.pi) * _CIRCLE for angle in (off.min(), off.max()))
-        shown[np.arange(math.floor(low), math.ceil(high)) % _CIRCLE] = True
+        angles = wrapped(yaw - centre)
+        low, high = (
+            (centre + angle) / (2 * math.pi) * _CIRCLE_STEPS for angle in (angles.min(), angles.max())
+        )
+        shown[np.arange(math.floor(low), math.ceil(high)) % _CIRCLE_STEPS] = True
     if shown.all():
         return (-math.pi, math.pi), True
     # The largest gap is behind.
     hidden = np.flatnonzero(~shown)
     runs = np.split(hidden, np.flatnonzero(np.diff(hidden) > 1) + 1)
-    if len(runs) > 1 and runs[0][0] == 0 and runs[-1][-1] == _CIRCLE - 1:
-        runs = [np.concatenate([runs[-1] - _CIRCLE, runs[0]]), *runs[1:-1]]
+    if len(runs) > 1 and runs[0][0] == 0 and runs[-1][-1] == _CIRCLE_STEPS - 1:
+        runs = [np.concatenate([runs[-1] - _CIRCLE_STEPS, runs[0]]), *runs[1:-1]]
     gap = max(runs, key=len)
-    first, last = gap[-1] + 1, gap[0] + _CIRCLE
-    low, high = (value / _CIRCLE * 2 * math.pi for value in (first, last))
+    first, last = gap[-1] + 1, gap[0] + _CIRCLE_STEPS
+    low, high = (value / _CIRCLE_STEPS * 2 * math.pi for value in (first, last))
     return (low, high), False
 
 
 def _turn_down(yaw: float) -> Floats:
-    """(3, 3): brings a direction about the vertical to the front."""
+    """Return the (3, 3) turn that brings a direction about the vertical, rad, to the front."""
     cosine, sine = math.cos(yaw), math.sin(yaw)
     return np.array([[cosine, 0, -sine], [0, 1, 0], [sine, 0, cosine]])
 
 
 def _pitched(pitch: float) -> Floats:
-    """(3, 3): brings a direction below the horizon to the front."""
+    """Return the (3, 3) turn that brings a direction below the horizon, rad, to the front."""
     cosine, sine = math.cos(pitch), math.sin(pitch)
     return np.array([[1, 0, 0], [0, cosine, -sine], [0, sine, cosine]])
 

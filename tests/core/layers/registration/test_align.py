@@ -42,7 +42,7 @@ def test_known_shifts_are_found_again(seed, off):
 def test_large_overlaps_are_compared_on_a_coarser_scale_first(monkeypatch):
     from toposeam.layers.registration import align
 
-    monkeypatch.setattr(align, "_COARSE_PIXELS", 4000)
+    monkeypatch.setattr(align, "_COMPARED_PIXELS", 4000)
     layers, errors = crops(off=14)
     np.testing.assert_array_equal(ts.layers.align(layers).shifts, -errors)
 

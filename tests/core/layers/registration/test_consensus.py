@@ -169,14 +169,14 @@ def test_a_match_elsewhere_is_told_and_not_used(monkeypatch):
     whole = data.camera()[120:260, 100:360]
     lefts = (0, 40, 80, 120)
     pictures = [ts.Layer(whole[:, left : left + 120].copy(), name=str(left)) for left in lefts]
-    own = pair_matching.Sightings.matches
+    own = pair_matching.PairMatcher.matches
 
     def found(self, *given):
         matches, best = own(self, *given)
         points = np.random.default_rng(0).uniform(10, 100, (8, 2))
         return {**matches, (0, 3): Match(points, points, 0.7)}, best
 
-    monkeypatch.setattr(pair_matching.Sightings, "matches", found)
+    monkeypatch.setattr(pair_matching.PairMatcher, "matches", found)
     placement = ts.find_places(pictures)
     assert [layer.at[0] for layer in placement.layers] == pytest.approx(lefts, abs=1)
     assert placement.outvoted == ((0, 3),)

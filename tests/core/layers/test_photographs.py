@@ -262,7 +262,7 @@ def test_a_focal_length_that_is_said_about_is_found():
 @pytest.mark.medium
 def test_large_pictures_are_compared_reduced(monkeypatch):
     """Of a row and a column that fill no reduced pixel nothing is compared; they are there all the same."""
-    monkeypatch.setattr(features, "_FINE_PIXELS", 30_000)
+    monkeypatch.setattr(features, "_DETAIL_PIXELS", 30_000)
     layers, cameras = from_a_point()
     odd = [ts.Layer(layer.image[:199, :259], name=layer.name) for layer in layers]
     assert features.describe_picture(odd[0]).detail_scale == 2

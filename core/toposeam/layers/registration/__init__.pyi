@@ -5,7 +5,7 @@ from .features import find_features
 from .find_places import PlaceOptions, among, found_places
 from .homography import applied
 from .pair_matching import Match
-from .panorama import View, camera_transforms, plane_transforms
+from .perspective import View, camera_transforms, plane_transforms
 from .placement import MODELS, Placement, Residual
 
 __all__ = [

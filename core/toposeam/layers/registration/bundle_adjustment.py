@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal, TypeAlias
 
 import numpy as np
 import scipy
@@ -25,8 +24,7 @@ from toposeam.layers.labelling.problem import Pair
 from toposeam.layers.registration.consensus import evidence_of
 from toposeam.layers.registration.homography import applied, areas
 from toposeam.layers.registration.pair_matching import Match
-
-Family: TypeAlias = Literal["plane", "rotation"]
+from toposeam.layers.registration.placement import Family
 
 #: Focal lengths that are tried where none is stated, as shares of the larger side: wide, usual, long.
 _FOCALS = (0.8, 1.2, 2.5)

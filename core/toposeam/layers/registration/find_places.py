@@ -5,7 +5,8 @@
 2. The poorest model that explains the pictures is adjusted to all pairs at once, so that loops close. *Shift*
    and *similarity* (a turn and a scale) come first: patches of each overlap, laid exactly on each other by
    phase correlation, give them by linear least squares (:mod:`toposeam.layers.registration.pose_graph`). Then
-   come a camera that *rotates* and homographies of one *plane* (:mod:`toposeam.layers.registration.models`).
+   come a camera that *rotates* and homographies of one *plane*
+   (:mod:`toposeam.layers.registration.perspective`).
 3. Wrong pairs, as of pictures that repeat themselves, are left out where others outvote them
    (:mod:`toposeam.layers.registration.consensus`).
 4. Pictures that are only moved come to lie on whole pixels; others are warped once, by cubic splines.
@@ -15,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -35,7 +36,6 @@ from toposeam.layers.canvas.transforms import (
 from toposeam.layers.canvas.warping import on_canvas
 from toposeam.layers.execution.tasks import Executor, check_executor
 from toposeam.layers.labelling.problem import Pair
-from toposeam.layers.registration.bundle_adjustment import Bundle, Family
 from toposeam.layers.registration.consensus import (
     ELSEWHERE,
     LARGEST_MISFIT,
@@ -43,10 +43,13 @@ from toposeam.layers.registration.consensus import (
     without_contradictions,
 )
 from toposeam.layers.registration.homography import applied
-from toposeam.layers.registration.models import POORER_RATIO, Lens, ModelFit, fit_models
 from toposeam.layers.registration.pair_matching import LEAST_CORRELATION, Kind, Match, PairMatcher, groups
-from toposeam.layers.registration.placement import MODELS, Model, Placement, Residual
+from toposeam.layers.registration.placement import MODELS, POORER_RATIO, Family, Model, Placement, Residual
 from toposeam.layers.registration.pose_graph import FREEDOMS, open_corners, residuals
+
+if TYPE_CHECKING:
+    from toposeam.layers.registration.bundle_adjustment import Bundle
+    from toposeam.layers.registration.perspective import ModelFit
 
 #: Largest distance, px, at the farthest twentieth of the points of any pair, with which similarities are
 #: taken without a comparison with other models.
@@ -392,12 +395,14 @@ def _by_similarity(
 
 def _by_perspective(matcher: PairMatcher, options: PlaceOptions) -> Placement:
     """Place most pictures on a plane, or as those of a camera that turns."""
+    from toposeam.layers.registration import perspective  # shifts and similarities do without
+
     numbers, matches, labels = _joined(matcher, options, "homography")
-    fit = fit_models(
+    fit = perspective.fit_models(
         [matcher.features[number] for number in numbers],
         matches,
         options.families,
-        Lens(
+        perspective.Lens(
             focal=options.focal,
             fixed=options.focal is not None and not options.about,
             distortion=options.lens,
@@ -405,18 +410,16 @@ def _by_perspective(matcher: PairMatcher, options: PlaceOptions) -> Placement:
         matcher.executor,
     )
     _check_contradictions([matcher.names[number] for number in numbers], fit)
-    from toposeam.layers.registration import panorama  # shifts and similarities have no horizon
-
     bundle = fit.bundle
     transforms: Sequence[Transform]
     width = projection = None
     if bundle.family == "plane":
-        transforms = panorama.plane_transforms(bundle, fit.camera, panorama.View(level=options.level))
+        transforms = perspective.plane_transforms(bundle, fit.camera, perspective.View(level=options.level))
     else:
         asked = None if options.projection == "auto" else options.projection
         centre = numbers.index(options.centre) if options.centre in numbers else None
-        view = panorama.View(projection=asked, level=options.level, centre=centre, fov=options.fov)  # type: ignore[arg-type]
-        cameras, width = panorama.camera_transforms(bundle, view)
+        view = perspective.View(projection=asked, level=options.level, centre=centre, fov=options.fov)  # type: ignore[arg-type]
+        cameras, width = perspective.camera_transforms(bundle, view)
         transforms, projection = cameras, cameras[0].projection
     distances = {pair: bundle.distances(pair, match) for pair, match in fit.matches.items()}
     shown = range(len(numbers)) if options.fov is None else _in_view(transforms, bundle, options.fov)

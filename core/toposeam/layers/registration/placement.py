@@ -16,8 +16,12 @@ from toposeam.layers.labelling.problem import Pair
 from toposeam.sentence import counted
 
 Model: TypeAlias = Literal["shift", "similarity", "plane", "rotation"]
+#: Models with perspective.
+Family: TypeAlias = Literal["plane", "rotation"]
 #: The poorest first.
 MODELS: tuple[Model, ...] = get_args(Model)
+#: Largest residuals of a model ÷ those of one with more unknowns, for the poorer model to be taken.
+POORER_RATIO = 1.3
 
 
 @dataclass(frozen=True, slots=True)

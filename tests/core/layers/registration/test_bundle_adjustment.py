@@ -11,7 +11,7 @@ from rendered import around, before_a_wall, corner_error
 from toposeam.layers.canvas import NOWHERE, PlaneTransform
 from toposeam.layers.registration import Match, adjust_cameras, adjust_plane, applied, left_over
 from toposeam.layers.registration.bundle_adjustment import _Points, _Problem, spanning_tree
-from toposeam.layers.registration.models import _fit_agreeing
+from toposeam.layers.registration.perspective import _fit_agreeing
 
 SIZE = (360, 240)
 FOCAL = 400.0

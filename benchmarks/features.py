@@ -48,7 +48,7 @@ def sampled_by_scipy(gradient: Any, at: Any, scale: Any, grid: Any) -> Any:
 
 
 def with_scipy(gray: np.ndarray) -> Found:
-    with mock.patch("toposeam.layers.registration.features._sampled", sampled_by_scipy):
+    with mock.patch("toposeam.layers.registration.features._sample_gradient", sampled_by_scipy):
         return find_features(gray, CONTRAST)
 
 

@@ -136,10 +136,10 @@ def test_a_few_poor_patches_are_no_reason_to_turn_pictures():
     few = {key: dataclasses.replace(m, first=m.first[:6], second=m.second[:6]) for key, m in matches.items()}
     matches[3, 4] = few[3, 4]
     sizes = np.full((5, 2), 100)
-    transforms = adjustment.adjusted(sizes, matches).transforms
+    transforms = adjustment.adjust_transforms(sizes, matches).transforms
     assert (transforms[:, 1] == 0).all()
     turned = matches_of([(80.0 * i, 0.02 * (i % 2)) for i in range(5)], rng, 0.05)
-    transforms = adjustment.adjusted(sizes, turned).transforms
+    transforms = adjustment.adjust_transforms(sizes, turned).transforms
     np.testing.assert_allclose(transforms[:, 1], [0, 0.02, 0, 0.02, 0], atol=2e-3)
 
 
@@ -147,17 +147,17 @@ def test_pictures_are_turned_for_a_small_gain_in_misfit():
     """Shifts alone leave a quarter of a pixel between the patches, and a pixel and more at the corners."""
     matches = matches_of([(80.0 * i, 0.01 * (i % 2)) for i in range(5)], np.random.default_rng(5), 0.05)
     shifted = adjustment.least_squares(5, matches, "shift")
-    found = adjustment.adjusted(np.full((5, 2), 100), matches)
+    found = adjustment.adjust_transforms(np.full((5, 2), 100), matches)
     assert shifted.misfit < 0.35
     np.testing.assert_allclose(found.transforms[:, 1], [0, 0.01, 0, 0.01, 0], atol=2e-3)
 
 
 def test_turns_below_a_third_of_a_pixel_are_not_made():
     matches = matches_of([(80.0 * i, 0.002 * (i % 2)) for i in range(5)], np.random.default_rng(5), 0.01)
-    assert (adjustment.adjusted(np.full((5, 2), 100), matches).transforms[:, 1] == 0).all()
+    assert (adjustment.adjust_transforms(np.full((5, 2), 100), matches).transforms[:, 1] == 0).all()
     matches = matches_of([(80.0 * i, 0.008 * (i % 2)) for i in range(5)], np.random.default_rng(5), 0.01)
-    assert (adjustment.adjusted(np.full((5, 2), 20), matches).transforms[:, 1] == 0).all()
-    assert (adjustment.adjusted(np.full((5, 2), 300), matches).transforms[:, 1] != 0).any()
+    assert (adjustment.adjust_transforms(np.full((5, 2), 20), matches).transforms[:, 1] == 0).all()
+    assert (adjustment.adjust_transforms(np.full((5, 2), 300), matches).transforms[:, 1] != 0).any()
 
 
 def test_matching_errors_along_a_narrow_overlap_do_not_scale():
@@ -168,7 +168,7 @@ def test_matching_errors_along_a_narrow_overlap_do_not_scale():
     off = 0.002 * (first - first.mean(axis=0)) + rng.normal(0, 0.02, (40, 2))
     second = first - (120, 8) + off
     matches = {(0, 1): dataclasses.replace(match, first=first, second=second)}
-    found = adjustment.adjusted(np.array([[160, 180], [152, 180]]), matches).transforms
+    found = adjustment.adjust_transforms(np.array([[160, 180], [152, 180]]), matches).transforms
     np.testing.assert_allclose(found[1], [1, 0, 120, 8], atol=0.05)
 
 

@@ -155,8 +155,7 @@ def match_tones(
     Raises
     ------
     ImageError
-        Where nobody says which value is white: for integers but uint8 and uint16, and floats like those in
-        0..255.
+        Where `data_range` is missing: for integers but uint8 and uint16, and floats like those in 0..255.
 
     Examples
     --------

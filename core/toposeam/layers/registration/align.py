@@ -126,7 +126,7 @@ def align(layers: Sequence[Layer], *, radius: int = RADIUS, executor: Executor |
         if correlation >= LEAST_CORRELATION:
             found[i, j] = shift, correlation, evidence
     _check_joined(layers, found, best, radius)
-    positions, found = _agreed([layer.name for layer in layers], found)
+    positions, found = _vote_on_shifts([layer.name for layer in layers], found)
     shifts = np.rint(positions).astype(np.intp)
     moved = [
         dataclasses.replace(layer, at=(int(layer.at[0] + dx), int(layer.at[1] + dy)))
@@ -217,7 +217,7 @@ def _check_joined(
         )
 
 
-def _agreed(names: list[str], found: dict[Pair, _Shift]) -> tuple[Floats, dict[Pair, _Shift]]:
+def _vote_on_shifts(names: list[str], found: dict[Pair, _Shift]) -> tuple[Floats, dict[Pair, _Shift]]:
     """Find the (N, 2) shifts on which all pairs agree but those that are outvoted, and the pairs that agree.
 
     Raises
@@ -260,13 +260,13 @@ def _match(item: tuple[Layer, Layer, int]) -> _Shift | None:
         shift = shift + _shift(
             _content(a, at_a, overlap), _content(b, _moved(at_b, shift), overlap), 2 * scale
         )
-    shift, correlation, count = _refined(a, b, at_a, at_b, shift)
+    shift, correlation, count = _refine(a, b, at_a, at_b, shift)
     if np.abs(shift).max() > radius or count < _LEAST_PIXELS:
         return None
     return shift[::-1].astype(float), correlation, evidence_of(correlation, count)
 
 
-def _refined(
+def _refine(
     a: Layer, b: Layer, at_a: Box, at_b: Box, shift: npt.NDArray[np.intp]
 ) -> tuple[npt.NDArray[np.intp], float, int]:
     """Find the shift of highest correlation within two pixels of a shift, that correlation, and the number

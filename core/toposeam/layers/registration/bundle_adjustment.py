@@ -334,13 +334,13 @@ class _Problem:
         square = np.square(ideal).sum(axis=1) / np.square(self.sizes.min(axis=1) / 2)[index]
         return np.asarray(ideal * ((1 - square) / (1 - distortion + 3 * distortion * square))[:, np.newaxis])
 
-    def solved(self, *starts: Floats) -> tuple[Floats, float]:
+    def minimise(self, *starts: Floats) -> tuple[Floats, float]:
         """Find the unknowns of least loss, and the loss, from the start that is best after a descent."""
         first, last = _DESCENTS
-        tried = [self._descended(start, *first) for start in starts]
-        return self._descended(min(tried, key=lambda one: one[1])[0], *last)
+        tried = [self._descend(start, *first) for start in starts]
+        return self._descend(min(tried, key=lambda one: one[1])[0], *last)
 
-    def _descended(self, start: Floats, scale: float, settled: float, least: float) -> tuple[Floats, float]:
+    def _descend(self, start: Floats, scale: float, settled: float, least: float) -> tuple[Floats, float]:
         """Find the unknowns of least loss Σ s² log(1 + r² ÷ s²) near a start, by the method of Levenberg and
         Marquardt on equations that are weighted anew in each step; see :data:`_DESCENTS`.
         """
@@ -399,7 +399,7 @@ def adjust_plane(sizes: Floats, matches: Mapping[Pair, Match], start: Bundle | N
         middle, matrices = start.middle, start.matrices
     problem = _Problem(sizes, _Points.of(matches), "plane", middle, 1.0, 1.0, False, False)
     flat = np.ones(len(sizes))
-    unknowns, _ = problem.solved(problem.unknowns(matrices, flat))
+    unknowns, _ = problem.minimise(problem.unknowns(matrices, flat))
     return Bundle(
         family="plane",
         sizes=sizes,
@@ -449,21 +449,21 @@ def adjust_cameras(
     else:
         guesses = [focal] if focal is not None else _likely_focals(sizes, matches)
         same = np.ones(len(sizes))
-        beginnings = [_chained(problem, matches, guess * same, order, before) for guess in guesses]
-    unknowns, loss = problem.solved(*beginnings)
+        beginnings = [_chain_cameras(problem, matches, guess * same, order, before) for guess in guesses]
+    unknowns, loss = problem.minimise(*beginnings)
     if start is None:
         zooms = _zooms(sizes, matches, order, before)
         if np.ptp(np.log(zooms)) > _ZOOM and not fixed:
             zoomed = replace(problem, free_zoom=True)
-            beginnings = [_chained(zoomed, matches, guess * zooms, order, before) for guess in guesses]
-            own, other = zoomed.solved(*beginnings)
+            beginnings = [_chain_cameras(zoomed, matches, guess * zooms, order, before) for guess in guesses]
+            own, other = zoomed.minimise(*beginnings)
             if other < (1 - _DOUBTFUL_GAIN) * loss:
                 problem, unknowns, loss = zoomed, own, other
     if distortion is not None:
         unknowns[1] = distortion
-        unknowns, loss = problem.solved(unknowns)
+        unknowns, loss = problem.minimise(unknowns)
     else:
-        bent, other = replace(problem, free_distortion=True).solved(unknowns)
+        bent, other = replace(problem, free_distortion=True).minimise(unknowns)
         gain = _DISTORTION_GAIN if len(sizes) > 2 else _DOUBTFUL_GAIN
         if abs(bent[1]) < _LARGEST_DISTORTION and other < (1 - gain) * loss:
             unknowns = bent
@@ -477,7 +477,7 @@ def adjust_cameras(
     )
 
 
-def _chained(
+def _chain_cameras(
     problem: _Problem,
     matches: Mapping[Pair, Match],
     focals: Floats,

@@ -2,8 +2,8 @@
 
 Where pictures repeat themselves, two may fit as well some periods off, or although they share nothing. Loops
 through such pairs do not close. Least squares would let one wrong pair move all pictures. The least sum of
-distances, not of their squares, follows most of the evidence (:func:`averaged`): turns and scales are
-averaged in this way first, then shifts (:func:`vote`). The pairs that do not fit the average are wrong if
+distances, not of their squares, follows most of the evidence (:func:`average_differences`): turns and scales
+are averaged in this way first, then shifts (:func:`vote`). The pairs that do not fit the average are wrong if
 every cut that separates their two pictures has several times as much evidence as the wrong pairs across it.
 
 The evidence of a match is not its size but the mutual information of its two parts (:func:`evidence_of`):
@@ -24,7 +24,7 @@ from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 from toposeam.arrays import Complexes, Floats
 from toposeam.layers.labelling.problem import Pair
 from toposeam.layers.registration.pair_matching import Match, groups
-from toposeam.layers.registration.pose_graph import FREEDOMS, Adjustment, adjusted, offsets
+from toposeam.layers.registration.pose_graph import FREEDOMS, Adjustment, adjust_transforms, offsets
 
 #: Largest distance, px in the median, of a pair that fits.
 LARGEST_MISFIT = 1.0
@@ -91,7 +91,7 @@ def vote(
         distances = offsets(places.transforms, matches, order)
         before, kept = kept, [pair for pair in matches if distances[pair] <= largest]
         settled = kept == before
-    kept, wrong, clear = divided(count, evidence, distances, largest)
+    kept, wrong, clear = divide_pairs(count, evidence, distances, largest)
     return Vote(places, kept, wrong, distances, clear=settled and clear)
 
 
@@ -134,7 +134,8 @@ def without_contradictions(
         else evidence_of(match.correlation, len(match.first))
         for pair, match in matches.items()
     }
-    result = vote(len(sizes), matches, evidence, partial(adjusted, sizes, freedoms=freedoms), largest)
+    solve = partial(adjust_transforms, sizes, freedoms=freedoms)
+    result = vote(len(sizes), matches, evidence, solve, largest)
     elsewhere = placed_elsewhere(sizes, {pair: result.distances[pair] for pair in result.wrong})
     if result.clear and len(elsewhere) == len(result.wrong):
         return result.places, {pair: matches[pair] for pair in result.kept}
@@ -154,13 +155,13 @@ def _majority(count: int, matches: dict[Pair, Match], evidence: Mapping[Pair, fl
     """Find the (N, 4) transforms, as of :class:`Adjustment`, of least weighted sum of distances."""
     weights = np.array([evidence[pair] for pair in matches])
     own = np.array([_similarity(match) for match in matches.values()])
-    factors = np.exp(averaged(count, matches.keys(), -np.log(own), weights))
+    factors = np.exp(average_differences(count, matches.keys(), -np.log(own), weights))
     shifts = [
         factors[j] * (match.second @ [1, 1j]) - factors[i] * (match.first @ [1, 1j])
         for (i, j), match in matches.items()
     ]
     middles = np.array([np.median(shift.real) + 1j * np.median(shift.imag) for shift in shifts])
-    places = averaged(count, matches.keys(), middles, weights)
+    places = average_differences(count, matches.keys(), middles, weights)
     return np.stack([factors.real, factors.imag, places.real, places.imag], axis=1)
 
 
@@ -179,7 +180,7 @@ def evidence_of(correlation: float, size: float) -> float:
     return -size * math.log(1 - min(max(correlation, 0.0), _LARGEST_CORRELATION) ** 2)
 
 
-def averaged(
+def average_differences(
     count: int,
     pairs: Collection[Pair],
     differences: Complexes,
@@ -220,7 +221,7 @@ def averaged(
     return values
 
 
-def divided(
+def divide_pairs(
     count: int, evidence: Mapping[Pair, float], distances: Mapping[Pair, float], largest: float
 ) -> tuple[list[Pair], list[Pair], bool]:
     """Divide the pairs of `count` pictures into those that fit, at most `largest` px off, and the others.

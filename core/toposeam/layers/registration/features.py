@@ -24,7 +24,7 @@ from toposeam.layers.canvas.layer import Layer
 
 Float = TypeVar("Float", np.float32, np.float64)
 
-#: Pixels of the copy in which features are looked for, and of that whose patches are laid on each other.
+#: Pixels of the copies in which features are looked for, and patches laid on each other.
 _FEATURE_PIXELS, _DETAIL_PIXELS = 200_000, 2_000_000
 #: Least difference of Gaussians of a feature, of full scale: a third of what is usual.
 _CONTRAST = 0.004
@@ -291,10 +291,10 @@ def _describe_points(level: Floats32, at: Complexes, blur: Floats) -> tuple[Comp
     down, right = np.gradient(level)
     gradient = (down + 1j * right).astype(np.complex64)
     around, around_weight = _orientation_grid()
-    point, direction = _directions(_sampled(gradient, at, blur, around), around_weight)
+    point, direction = _directions(_sample_gradient(gradient, at, blur, around), around_weight)
     at, turned = at[point], np.exp(1j * direction)
     grid, weight, shares = _descriptor_grid()
-    samples = _sampled(gradient, at, blur[point] * turned, grid)
+    samples = _sample_gradient(gradient, at, blur[point] * turned, grid)
     samples *= turned.conj().astype(np.complex64)[:, np.newaxis]
     strength, count = np.abs(samples) * weight, _SIFT.directions
     angle = np.angle(samples) * np.float32(count / (2 * np.pi))
@@ -309,7 +309,7 @@ def _describe_points(level: Floats32, at: Complexes, blur: Floats) -> tuple[Comp
     return at, np.minimum(512 * entries / length, 255).astype(np.uint8)
 
 
-def _sampled(gradient: Any, at: Complexes, scale: Any, grid: Complexes) -> Any:
+def _sample_gradient(gradient: Any, at: Complexes, scale: Any, grid: Complexes) -> Any:
     """Sample the gradient at a grid laid round each point, bilinear, 0 outside: (N, M) complex64."""
     where = at[:, np.newaxis] + np.multiply.outer(scale, grid)
     (row, down, high), (column, right, wide) = (

@@ -96,7 +96,7 @@ def _most_inliers(a: Floats, b: Floats, near: float) -> Mask | None:
         chosen = rng.integers(len(a), size=(_BATCH, 4))  # of which the same twice is singular
         agree = _squares_off(_through_four(a[chosen], b[chosen]), a, b) < near
         for leader in agree[np.argsort(-agree.sum(axis=1), kind="stable")[:_LEADERS]]:
-            fitted = _fitted_again(a, b, leader, near)
+            fitted = _refit(a, b, leader, near)
             if fitted.sum() > best.sum():
                 best = fitted
         missed = 1 - (max(int(best.sum()), _LEAST_INLIERS) / len(a)) ** 4
@@ -105,7 +105,7 @@ def _most_inliers(a: Floats, b: Floats, near: float) -> Mask | None:
     return best if best.sum() >= _LEAST_INLIERS else None
 
 
-def _fitted_again(a: Floats, b: Floats, agreeing: Mask, near: float) -> Mask:
+def _refit(a: Floats, b: Floats, agreeing: Mask, near: float) -> Mask:
     """Fit a homography to the agreeing matches, find those that agree with it, until they stay the same."""
     for _ in range(_FITS):
         if agreeing.sum() < _LEAST_INLIERS:

@@ -60,7 +60,7 @@ class Match:
     correlation: float
     #: (3, 3): takes points of the second picture to about where they are in the first.
     matrix: Floats = field(default_factory=lambda: np.eye(3))
-    #: Features that agree, and their share of all matches in the overlap.
+    #: Features that agree, and their share of all features that a picture shows in the overlap.
     features: int = 0
     share: float = 1.0
     #: One standard deviation of each point, (M,), or of all, px.

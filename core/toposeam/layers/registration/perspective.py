@@ -42,7 +42,7 @@ from toposeam.layers.registration.bundle_adjustment import (
     spanning_tree,
     strengths_of,
 )
-from toposeam.layers.registration.consensus import ELSEWHERE, divided
+from toposeam.layers.registration.consensus import ELSEWHERE, divide_pairs
 from toposeam.layers.registration.features import FeatureSet
 from toposeam.layers.registration.homography import applied, least_squares_homography
 from toposeam.layers.registration.pair_matching import Match, find_patches, groups
@@ -211,7 +211,7 @@ def _fit_agreeing(sizes: Floats, matches: Mapping[Pair, Match], adjust: Callable
             kept, bundle = now, adjust({pair: matches[pair] for pair in now}, bundle)
     distances = bundle.medians(matches)
     largest = max(_LARGEST_DISTANCE * scale, _usual_distance(distances, kept, diagonal))
-    right, wrong, clear = divided(len(sizes), strengths, distances, largest)
+    right, wrong, clear = divide_pairs(len(sizes), strengths, distances, largest)
     return ModelFit(
         bundle=bundle,
         matches={pair: matches[pair] for pair in (right if clear else matches)},

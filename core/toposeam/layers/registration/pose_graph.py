@@ -52,7 +52,9 @@ class Adjustment:
     freedom: str
 
 
-def adjusted(sizes: Floats, matches: dict[Pair, Match], freedoms: Sequence[str] = FREEDOMS) -> Adjustment:
+def adjust_transforms(
+    sizes: Floats, matches: dict[Pair, Match], freedoms: Sequence[str] = FREEDOMS
+) -> Adjustment:
     """Adjust transforms of the kind that the Bayesian information criterion chooses.
 
     (Schwarz 1978, doi:10.1214/aos/1176344136.) A few patches of one poor overlap are no reason to turn.

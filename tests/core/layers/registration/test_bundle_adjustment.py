@@ -11,7 +11,7 @@ from rendered import around, before_a_wall, corner_error
 from toposeam.layers.canvas import NOWHERE, PlaneTransform
 from toposeam.layers.registration import Match, adjust_cameras, adjust_plane, applied, left_over
 from toposeam.layers.registration.bundle_adjustment import _Points, _Problem, spanning_tree
-from toposeam.layers.registration.perspective import _fit_agreeing
+from toposeam.layers.registration.perspective import ModelFit, _explains, _fit_agreeing
 
 SIZE = (360, 240)
 FOCAL = 400.0
@@ -323,3 +323,16 @@ def test_one_wrong_pair_of_three_is_told_but_not_which():
     fit = voted(views, matches, "plane")
     assert fit.outvoted
     assert not fit.clear
+
+
+@pytest.mark.parametrize(("of_camera", "of_plane", "explains"), [(1, 2, True), (2, 1, False)])
+def test_a_model_that_outvotes_fewer_pairs_is_taken(of_camera, of_plane, explains):
+    """Whatever is left of the pairs, which nobody looks at."""
+    matches = {(0, number): None for number in range(1, 8)}
+
+    def fit(outvoted):
+        wrong = tuple(matches)[:outvoted]
+        kept = {pair: one for pair, one in matches.items() if pair not in wrong}
+        return ModelFit(bundle=None, matches=kept, outvoted=wrong, clear=True)
+
+    assert _explains(fit(of_camera), fit(of_plane), matches) is explains

@@ -10,6 +10,7 @@ from skimage import data
 
 import toposeam as ts
 from toposeam.layers.registration import Match, pair_matching, without_contradictions
+from toposeam.layers.registration.consensus import evidence_of
 from toposeam.layers.registration.refusals import check_exact, check_joined
 
 WIDTH, HEIGHT = 300, 200
@@ -228,3 +229,10 @@ def test_what_is_the_same_tells_more_than_what_repeats_itself():
     matches[0, 11] = Match(wrong.first, wrong.second, 0.98)
     with pytest.raises(ts.OverlapError, match="too little else shows which is right"):
         without_contradictions(NAMES, SIZES, matches)
+
+
+def test_identical_parts_have_no_infinite_evidence():
+    most = evidence_of(1.0, 10)
+    assert most == evidence_of(0.9995, 10) == pytest.approx(-10 * math.log(1 - 0.999**2))
+    assert 0 < evidence_of(0.99, 10) < most
+    assert evidence_of(-0.3, 10) == 0

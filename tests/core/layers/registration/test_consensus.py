@@ -9,8 +9,7 @@ import pytest
 from skimage import data
 
 import toposeam as ts
-from toposeam.layers.registration import Match, pair_matching, without_contradictions
-from toposeam.layers.registration.consensus import evidence_of
+from toposeam.layers.registration import Match, evidence_of, pair_matching, without_contradictions
 from toposeam.layers.registration.refusals import check_exact, check_joined
 
 WIDTH, HEIGHT = 300, 200

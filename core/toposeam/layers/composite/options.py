@@ -76,7 +76,7 @@ class StitchOptions:
     #: (:mod:`toposeam.layers.exposure.gains`).
     match_tones: bool = False
     #: The same, and a smooth field of gain, since lenses darken towards the corners
-    #: (:mod:`toposeam.layers.exposure.shading`).
+    #: (:mod:`toposeam.layers.exposure.gains`).
     match_shading: bool = False
     #: Bend the layers by up to this many px until what crosses a seam goes on behind it, and search the seams
     #: again (:mod:`toposeam.layers.composite.local_warp`), where that makes them clearly cheaper. All layers

@@ -182,54 +182,53 @@ def settle(problem: Problem, labels: Labels) -> None:
         box, parts = windows[k], (problem.labelling, labels)
         if problem.executor is not None:
             parts = part_of_labelling(problem.labelling, box.grown(1)), part_of(labels, box.grown(1))
-        opened = np.zeros(box.shape, bool)
-        opened[1:-1, 1:-1] = True
-        return Window(*parts, box, opened, problem.solver)
+        return Window(*parts, box, problem.solver)
 
-    for k, found in on_boxes(problem.executor, expanded, item, windows):
+    for k, found in on_boxes(problem.executor, settled, item, windows):
         problem.steps.one()
         labels[windows[k].slices] = found
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Window:
-    """A window of a canvas in which a label map is searched again, and how."""
+    """A window of a canvas in which every pixel but those of its rim may change, and how it is solved."""
 
     labelling: Labelling
     #: (H, W) int16.
     labels: Labels
     box: Box
-    #: (h, w) bool: the pixels that may change.
-    opened: Mask
     solver: CutSolver
-    #: (h, w) int16: the layer that must show, -1 where any may.
-    fixed: Labels | None = None
-
-    @property
-    def layers(self) -> list[int]:
-        """The layers that lie on the window, in the order in which they expand."""
-        places = self.labelling.places
-        near = [k for k, place in enumerate(places) if all(place.shared(self.box).shape)]
-        return sorted(near, key=lambda k: places[k])
-
-    @property
-    def start(self) -> Labels:
-        """(h, w) int16: what shows, and where a layer must show, that one."""
-        shown = self.labels[self.box.slices]
-        return shown if self.fixed is None else np.where(self.fixed >= 0, self.fixed, shown)
-
-    def may_show(self, k: int) -> Mask:
-        """(h, w) bool: where a layer may show among the pixels that may change."""
-        free = self.opened if self.fixed is None else self.opened & (self.fixed < 0)
-        allowed: Mask = (self.labelling.allowed_in(k, self.box) | (self.start == k)) & free
-        return allowed
 
 
-def expanded(window: Window) -> Labels:
+def settled(window: Window) -> Labels:
     """(h, w) int16: the labels of a window after expansions, from what shows on."""
-    layers = window.layers
-    may = [window.may_show(k) for k in layers]
-    choices = Choices(window.labelling, window.box, window.start, may, layers)
+    labelling, box = window.labelling, window.box
+    inner = np.zeros(box.shape, bool)
+    inner[1:-1, 1:-1] = True
+    layers = layers_on(labelling, box)
+    may = [labelling.allowed_in(k, box) & inner for k in layers]
+    choices = Choices(labelling, box, window.labels[box.slices], may, layers)
     with one_thread():
         choices.run(window.solver, _MOST)
     return choices.label_map()
+
+
+def expand_from(problem: Problem, labels: Labels) -> Labels:
+    """(H, W) int16: a label map after moves of all its pixels at full size, from what shows on.
+
+    Pixels that two layers may show are divided anew by one cut, then all expand.
+    """
+    labelling, canvas = problem.labelling, problem.labelling.canvas
+    layers = layers_on(labelling, canvas)
+    may = [labelling.allowed_in(k, canvas) for k in layers]
+    choices = Choices(labelling, canvas, labels, may, layers)
+    with one_thread():
+        choices.divide_all(problem.solver, may)
+        choices.run(problem.solver, _MOST)
+    return choices.label_map()
+
+
+def layers_on(labelling: Labelling, box: Box) -> list[int]:
+    """The layers that lie on a box, in the order in which they expand."""
+    near = [k for k, place in enumerate(labelling.places) if all(place.shared(box).shape)]
+    return sorted(near, key=lambda k: labelling.places[k])

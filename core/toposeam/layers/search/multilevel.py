@@ -14,7 +14,6 @@ divided once more, and round the places where three layers meet expansions follo
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import time
 from collections.abc import Sequence
@@ -31,7 +30,7 @@ from toposeam.layers.labelling.problem import Labelling
 from toposeam.layers.labelling.subproblem import window_of_labelling
 from toposeam.layers.search.cost_coarsening import Tables, enlarged, halved, opened
 from toposeam.layers.search.expansion_moves import Choices
-from toposeam.layers.search.local_search import Window, beside_seams, expanded, refine, search, settle
+from toposeam.layers.search.local_search import beside_seams, expand_from, refine, search, settle
 from toposeam.layers.search.options import FAST, SearchOptions
 from toposeam.layers.search.problem import Problem
 from toposeam.layers.search.two_label_band import write_pixels
@@ -118,18 +117,39 @@ def recut(
     box = _box_round(opened)
     if box is None:
         return label_map
-    solver = CutSolver.of("auto", {}, labelling.forbidden) if solver is None else solver
-    problem = Problem(labelling, solver, search, None, Progressed(None))
     inside = np.asarray(opened[box.slices])
-    wanted = None if fixed is None else np.where(inside, np.asarray(fixed[box.slices]), np.int16(-1))
-    window = Window(labelling, label_map.labels, box, inside, solver, wanted)
+    start = np.array(label_map.labels[box.slices])
+    if fixed is not None:
+        wanted = np.asarray(fixed[box.slices])
+        must = inside & (wanted >= 0)
+        start[must] = wanted[must]
+        inside = inside & ~must
+    part = window_of_labelling(labelling, box, _choices_in(labelling, box, start, inside))
+    part.make_allowed(start)
+    solver = CutSolver.of("auto", {}, labelling.forbidden) if solver is None else solver
+    problem = Problem(part, solver, search, None, Progressed(None))
     if np.count_nonzero(inside) <= _EXPANDED_PIXELS or min(box.shape) < 4 * search.shortest:
-        found = expanded(window)
+        found = expand_from(problem, start)
     else:
-        found = _from_coarse_in(window, problem)
+        found = dense(_from_coarse(problem, problem.order, _ROUNDS, search.wandering[0])[0])
+        if part.total(found, part.canvas) > part.total(start, part.canvas):
+            found = start
     labels = label_map.labels.copy()
     labels[box.slices] = found
     return _found(problem, labels, label_map.rounds, started - label_map.seconds)
+
+
+def _choices_in(labelling: Labelling, box: Box, shows: Labels, free: Mask) -> list[Mask]:
+    """Per layer, (h, w) bool in a box: where it may be chosen among free pixels, or shows at others; an empty
+    one for a layer that lies elsewhere. A free pixel at which no layer is allowed keeps what it shows.
+    """
+    near = [k for k, place in enumerate(labelling.places) if all(place.shared(box).shape)]
+    allowed = {k: labelling.allowed_in(k, box) & free for k in near}
+    stays = ~np.any(list(allowed.values()), axis=0) if near else ~free
+    return [
+        allowed[k] | (stays & (shows == k)) if k in allowed else np.zeros((0, 0), bool)
+        for k in range(len(labelling.places))
+    ]
 
 
 def _found(problem: Problem, labels: Labels, rounds: int, started: float) -> LabelMap:
@@ -149,26 +169,6 @@ def _box_round(opened: Mask) -> Box | None:
             own = Box(rows.start, columns.start, rows.stop, columns.stop).moved(*block[:2])
             found = own if found is None else found.around(own)
     return None if found is None else found.grown(1).shared(canvas)
-
-
-def _from_coarse_in(window: Window, problem: Problem) -> Labels:
-    """(h, w) int16 labels of a window, searched from coarse to fine, or those it starts from, if cheaper."""
-    labelling = window_of_labelling(window.labelling, window.box, _allowed_in(window))
-    part = dataclasses.replace(problem, labelling=labelling, executor=None)
-    start = window.start
-    found, _ = _from_coarse(part, part.order, _ROUNDS, problem.search.wandering[0])
-    found = np.where(window.opened, dense(found), start)
-    box = labelling.canvas
-    return found if labelling.total(found, box) <= labelling.total(start, box) else start
-
-
-def _allowed_in(window: Window) -> list[Mask]:
-    """(h, w) bool of each layer of the canvas: where it may show in a window, or shows and must stay."""
-    start = window.start
-    return [
-        window.may_show(k) | (start == k) if all(place.shared(window.box).shape) else np.zeros((0, 0), bool)
-        for k, place in enumerate(window.labelling.places)
-    ]
 
 
 def _from_coarse(problem: Problem, order: Sequence[int], most: int, wandering: float) -> tuple[Labels, int]:

@@ -23,8 +23,8 @@ from toposeam.layers.composite.seams import SeamFigures, Seams
 from toposeam.layers.composite.sinks import Sink
 from toposeam.layers.composite.summary import SeamOutline, seams_svg, summary_of
 from toposeam.layers.execution.tasks import Executor, results
-from toposeam.layers.labelling.label_map import LabelMap
-from toposeam.layers.labelling.problem import Labelling, Pair
+from toposeam.layers.labelling.label_map import LabelMap, Pair
+from toposeam.layers.labelling.problem import Labelling
 from toposeam.picture_files import PictureResult
 from toposeam.seam.result.seam import Seam
 from toposeam.seam.result.verdict import Verdict, worst_of

@@ -26,9 +26,9 @@ from toposeam.layers.composite.options import StitchOptions
 from toposeam.layers.composite.seams import KnownSeams, Seams, SeamsOfMap
 from toposeam.layers.composite.two_layers import divided, join, order_of
 from toposeam.layers.execution.progress import Progressed
-from toposeam.layers.labelling.label_map import LabelMap
+from toposeam.layers.labelling.label_map import LabelMap, Pair
 from toposeam.layers.labelling.posing import CORE, pose_labelling
-from toposeam.layers.labelling.problem import Labelling, Pair
+from toposeam.layers.labelling.problem import Labelling
 from toposeam.layers.search.multilevel import minimise, recut
 from toposeam.layers.search.options import SearchOptions, search_options
 from toposeam.layers.search.problem import Problem

@@ -11,24 +11,20 @@ better.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 import numpy.typing as npt
 import scipy
 
 from toposeam.arrays import Floats
-from toposeam.checks import check_whole
-from toposeam.errors import OptionError, Term
 from toposeam.images import as_float, full_scale, in_dtype
 from toposeam.layers.canvas.cylinder import narrowed
 from toposeam.layers.canvas.layer import Layer
 from toposeam.layers.canvas.warping import inside, interpolated, resampled
 from toposeam.layers.composite.composition import Composition
-from toposeam.layers.labelling.problem import Pair
+from toposeam.layers.labelling.label_map import Pair
 
-#: Largest displacement, px.
-MOST = 32
 #: px: between points of a seam, half a patch, and how far a displacement reaches into its layer, at least and
 #: for each px of the largest one.
 _STEP, _HALF, _REACH, _REACH_PER_PX = 3.0, 5, 48.0, 6.0
@@ -41,19 +37,6 @@ _UNKNOWN, _PER_PX, _FARTHER, _PER_CHANGE = 3.0, 0.012, 1e3, 0.06
 _GAIN, _WORTH = 0.1, 0.03
 #: Displacements spread on a grid of this many px, or coarser of this many nodes; smaller ones, px, are none.
 _GRID, _NODES, _LEAST = 4, 100_000, 0.05
-
-
-def check_give(give: int, use_path: object) -> None:
-    """Refuse a largest displacement that is none, and seams that are given, as they are searched again."""
-    if not check_whole("give", give, 0, MOST):
-        return
-    if bool(use_path) if isinstance(use_path, Mapping) else use_path is not None:
-        raise OptionError(
-            "{give} bends layers and searches their seams again, and {other} says where they are; leave one "
-            "of them out",
-            kind="conflict",
-            other=Term("use_path"),
-        )
 
 
 def give_way(

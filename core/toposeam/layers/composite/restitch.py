@@ -23,7 +23,7 @@ from toposeam.layers.composite.options import StitchOptions
 from toposeam.layers.composite.seams import Seams, SeamsOfMap
 from toposeam.layers.composite.summary import pair_name
 from toposeam.layers.composite.two_layers import paths_by_pair
-from toposeam.layers.labelling.problem import Pair
+from toposeam.layers.labelling.label_map import Pair
 from toposeam.seam.problem.match_cost import MatchCost
 from toposeam.seam.problem.overlap import FREE, NONE, A, B
 from toposeam.seam.result.apply import labels_from_paths

@@ -14,8 +14,8 @@ from toposeam.images import box_of
 from toposeam.layers.canvas.layer import Box
 from toposeam.layers.canvas.tile_map import BLOCK, dense, part_of, several
 from toposeam.layers.execution.tasks import Executor, results
-from toposeam.layers.labelling.label_map import LabelMap
-from toposeam.layers.labelling.problem import Labelling, Pair, PairCost
+from toposeam.layers.labelling.label_map import LabelMap, Pair
+from toposeam.layers.labelling.problem import Labelling, PairCost
 from toposeam.layers.search.two_label_band import costs_at
 from toposeam.optimize.history import Termination
 from toposeam.seam.problem.seam_problem import blocked

@@ -31,7 +31,7 @@ from typing import Any, Protocol
 
 from toposeam.layers.canvas.canvas import Canvas
 from toposeam.layers.canvas.layer import Box, Layer
-from toposeam.layers.labelling.problem import Pair
+from toposeam.layers.labelling.label_map import Pair
 from toposeam.optimize.history import Termination
 from toposeam.seam.result.seam import Seam
 from toposeam.seam.result.verdict import Verdict

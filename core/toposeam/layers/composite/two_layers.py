@@ -15,8 +15,8 @@ from toposeam.layers.canvas.canvas import Canvas
 from toposeam.layers.canvas.layer import Box, cut
 from toposeam.layers.canvas.painting import channel_count, paint
 from toposeam.layers.canvas.tile_map import blocks, dense, new_map
+from toposeam.layers.labelling.label_map import Pair
 from toposeam.layers.labelling.posing import meets
-from toposeam.layers.labelling.problem import Pair
 from toposeam.seam.find import find_seam
 from toposeam.seam.problem.natural import CELL
 from toposeam.seam.result.seam import Seam, apply_paths

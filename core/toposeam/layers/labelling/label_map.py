@@ -8,6 +8,9 @@ from typing import Any
 
 from toposeam.arrays import Labels
 
+#: Two layers by their numbers, the lower one first.
+Pair = tuple[int, int]
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LabelMap:

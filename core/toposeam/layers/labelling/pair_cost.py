@@ -16,7 +16,7 @@ from toposeam.arrays import Floats32, Mask
 from toposeam.images import as_planes, widen
 from toposeam.layers.canvas.layer import Box, Layer, cut
 from toposeam.layers.canvas.tile_map import part_of, uniform
-from toposeam.layers.labelling.problem import Pair
+from toposeam.layers.labelling.label_map import Pair
 from toposeam.layers.labelling.table_costs import AROUND, spread
 from toposeam.seam.problem.blend_reach import STEP, Reach, any_by_steps, within_reach
 from toposeam.seam.problem.match_cost import MatchCost, match_cost

@@ -40,8 +40,9 @@ from toposeam.layers.canvas.tile_map import (
     occupied_columns,
     uniform,
 )
+from toposeam.layers.labelling.label_map import Pair
 from toposeam.layers.labelling.pair_cost import FORBIDDEN, LayerPairCost, Pictures, both_have
-from toposeam.layers.labelling.problem import Labelling, Pair, PairCost
+from toposeam.layers.labelling.problem import Labelling, PairCost
 from toposeam.seam.problem.match_cost import MatchCost
 from toposeam.seam.problem.overlap import at_its_end, cores
 

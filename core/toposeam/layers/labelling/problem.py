@@ -21,13 +21,11 @@ import numpy as np
 from toposeam.arrays import Floats32, Labels, Mask
 from toposeam.layers.canvas.layer import Box, cut
 from toposeam.layers.canvas.tile_map import EDGES, blocks, new_map, several, uniform
+from toposeam.layers.labelling.label_map import Pair
 from toposeam.seam.problem.overlap import FREE, NONE, A, B, Overlap, neighbours
 from toposeam.seam.problem.seam_problem import SeamProblem
 
 _NEIGHBOURS: Any = (np.s_[:, :-1], np.s_[:-1]), (np.s_[:, 1:], np.s_[1:])  # each pixel's right and lower one
-
-#: Two layers by their numbers, the lower one first.
-Pair = tuple[int, int]
 
 
 class PairCost(Protocol):

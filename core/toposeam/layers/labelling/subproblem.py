@@ -12,7 +12,8 @@ import numpy as np
 from toposeam.arrays import Floats32, Mask
 from toposeam.layers.canvas.layer import Box
 from toposeam.layers.canvas.tile_map import part_of
-from toposeam.layers.labelling.problem import Labelling, Pair, PairCost
+from toposeam.layers.labelling.label_map import Pair
+from toposeam.layers.labelling.problem import Labelling, PairCost
 
 
 def part_of_labelling(labelling: Labelling, box: Box, pair: Pair | None = None) -> Labelling:

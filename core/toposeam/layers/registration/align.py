@@ -28,7 +28,7 @@ from toposeam.errors import OverlapError
 from toposeam.images import as_float
 from toposeam.layers.canvas.layer import Box, Layer, check_layers, cut
 from toposeam.layers.execution.tasks import Executor, check_executor, results
-from toposeam.layers.labelling.problem import Pair
+from toposeam.layers.labelling.label_map import Pair
 from toposeam.layers.registration.consensus import evidence_of, vote
 from toposeam.layers.registration.features import CONTENT_BLUR, gray_of, reduced
 from toposeam.layers.registration.pair_matching import LEAST_CORRELATION, Match, groups

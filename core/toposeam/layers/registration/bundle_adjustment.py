@@ -20,7 +20,7 @@ from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree, sho
 
 from toposeam.arrays import Floats, Indices, Mask
 from toposeam.layers.canvas.transforms import undistorted
-from toposeam.layers.labelling.problem import Pair
+from toposeam.layers.labelling.label_map import Pair
 from toposeam.layers.registration.consensus import evidence_of
 from toposeam.layers.registration.homography import applied, areas
 from toposeam.layers.registration.pair_matching import Match

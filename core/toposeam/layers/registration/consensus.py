@@ -22,7 +22,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
 from toposeam.arrays import Complexes, Floats
-from toposeam.layers.labelling.problem import Pair
+from toposeam.layers.labelling.label_map import Pair
 from toposeam.layers.registration.pair_matching import Match, groups
 from toposeam.layers.registration.pose_graph import FREEDOMS, Adjustment, adjust_transforms, offsets
 

@@ -35,7 +35,7 @@ from toposeam.layers.canvas.transforms import (
 )
 from toposeam.layers.canvas.warping import on_canvas
 from toposeam.layers.execution.tasks import Executor, check_executor
-from toposeam.layers.labelling.problem import Pair
+from toposeam.layers.labelling.label_map import Pair
 from toposeam.layers.registration.consensus import (
     ELSEWHERE,
     LARGEST_MISFIT,

@@ -10,7 +10,7 @@ import numpy as np
 
 from toposeam.checks import check_kind, check_numbers
 from toposeam.errors import OptionError
-from toposeam.layers.labelling.problem import Pair
+from toposeam.layers.labelling.label_map import Pair
 from toposeam.layers.registration.homography import least_squares_homography
 from toposeam.layers.registration.pair_matching import Match
 

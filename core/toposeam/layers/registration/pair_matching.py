@@ -19,7 +19,7 @@ from toposeam.heat.threads import one_thread
 from toposeam.layers.canvas.layer import Layer
 from toposeam.layers.canvas.transforms import PlaneTransform, Transform, reach
 from toposeam.layers.execution.tasks import Executor, results
-from toposeam.layers.labelling.problem import Pair
+from toposeam.layers.labelling.label_map import Pair
 from toposeam.layers.registration.features import FeatureSet, describe_picture, shared_features
 from toposeam.layers.registration.homography import applied, find_homography, within
 

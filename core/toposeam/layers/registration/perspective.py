@@ -33,7 +33,7 @@ from toposeam.layers.canvas.transforms import (
     wrapped,
 )
 from toposeam.layers.execution.tasks import Executor, results
-from toposeam.layers.labelling.problem import Pair
+from toposeam.layers.labelling.label_map import Pair
 from toposeam.layers.registration.bundle_adjustment import (
     Bundle,
     adjust_cameras,

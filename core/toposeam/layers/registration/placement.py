@@ -12,7 +12,7 @@ import numpy as np
 from toposeam.arrays import Floats
 from toposeam.layers.canvas.layer import Layer
 from toposeam.layers.canvas.transforms import CameraTransform, Projection, Transform
-from toposeam.layers.labelling.problem import Pair
+from toposeam.layers.labelling.label_map import Pair
 from toposeam.sentence import counted
 
 Model: TypeAlias = Literal["shift", "similarity", "plane", "rotation"]

@@ -15,7 +15,7 @@ import scipy
 from scipy.sparse import csr_array
 
 from toposeam.arrays import Floats
-from toposeam.layers.labelling.problem import Pair
+from toposeam.layers.labelling.label_map import Pair
 from toposeam.layers.registration.pair_matching import Match
 
 #: Least motion of the farthest corner, px, that counts as a turn or a scale.

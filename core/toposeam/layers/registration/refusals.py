@@ -11,7 +11,7 @@ import numpy as np
 from toposeam.arrays import Floats, Indices
 from toposeam.errors import OverlapError
 from toposeam.layers.canvas.layer import Layer
-from toposeam.layers.labelling.problem import Pair
+from toposeam.layers.labelling.label_map import Pair
 from toposeam.layers.registration.features import FeatureSet
 from toposeam.layers.registration.pair_matching import Match, PairMatcher, groups
 from toposeam.sentence import counted

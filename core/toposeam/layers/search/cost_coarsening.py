@@ -28,8 +28,9 @@ from toposeam.layers.canvas.border_bands import full_within, rim, rimmed
 from toposeam.layers.canvas.layer import Box, cut
 from toposeam.layers.canvas.tile_map import EDGES, blocks, doubled, ground, new_map, uniform
 from toposeam.layers.execution.tasks import Executor, results
+from toposeam.layers.labelling.label_map import Pair
 from toposeam.layers.labelling.pair_cost import KEPT_PIXELS, LayerPairCost
-from toposeam.layers.labelling.problem import Labelling, Pair, PairCost
+from toposeam.layers.labelling.problem import Labelling, PairCost
 from toposeam.layers.labelling.seam_lines import square_dilation
 from toposeam.layers.labelling.table_costs import TableCost, spread
 from toposeam.seam.problem.blend_reach import Reach

@@ -21,7 +21,8 @@ from toposeam.arrays import Floats, Indices, Labels, Mask
 from toposeam.heat.threads import one_thread
 from toposeam.layers.canvas.layer import Box, cut
 from toposeam.layers.canvas.tile_map import TILE, uniform
-from toposeam.layers.labelling.problem import Labelling, Pair, PairCost
+from toposeam.layers.labelling.label_map import Pair
+from toposeam.layers.labelling.problem import Labelling, PairCost
 from toposeam.seam.cut_solver import CutSolver
 from toposeam.seam.exact.expansion import LEAST_GAIN, BinaryCut
 

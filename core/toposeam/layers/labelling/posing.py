@@ -6,10 +6,10 @@ extended to many layers:
 - A layer is not allowed at its own end, where it has pixels but lacks a neighbour that another layer has,
   unless all layers there end.
 - A connected piece of a layer that lies wholly inside one other layer keeps its *core*: the pixels at least
-  half as deep as its deepest one. A piece that only several others together cover may vanish, unless ``core``,
-  a fraction of the depth, is given; then all pieces without a pixel of their own keep a core. Specks keep
-  none. Where cores of several layers overlap, only these layers are allowed; but a core that lies wholly
-  inside another one has its pixels alone. Of two equal cores that is the later layer's.
+  half as deep as its deepest one. A piece that only several others together cover may vanish, unless
+  ``core``, a fraction of the depth, is given; then all pieces without a pixel of their own keep a core.
+  Specks keep none. Where cores of several layers overlap, only these layers are allowed; but a core that lies
+  wholly inside another one has its pixels alone. Of two equal cores that is the later layer's.
 - If only one of two neighbours is covered by both layers, its values count twice. If neither is, the cost
   is not known, and the interface costs 0.
 """

@@ -67,9 +67,9 @@ class Pictures:
     #: Whether the costs of small overlaps are kept in memory.
     keeps: bool = True
 
-    def part(self, box: Box, seen: dict[int, Any]) -> Pictures:
-        """Cut out what costs in a box depend on; `seen` shares one such part among several costs."""
-        found: Pictures | None = seen.get(id(self))
+    def part(self, box: Box, shared_parts: dict[int, Any]) -> Pictures:
+        """Cut out what costs in a box depend on; `shared_parts` shares one such part among several costs."""
+        found: Pictures | None = shared_parts.get(id(self))
         if found is None:
             box = box.grown(AROUND + self.match.look)
             number = range(len(self.layers)) if isinstance(self.layers, Sequence) else list(self.layers)
@@ -79,7 +79,7 @@ class Pictures:
                 inside = {k: box.moved(-self.places[k].top, -self.places[k].left) for k in near}
                 return {k: part_of(masks[k], inside[k].shared(Box(0, 0, *masks[k].shape))) for k in near}
 
-            found = seen[id(self)] = dataclasses.replace(
+            found = shared_parts[id(self)] = dataclasses.replace(
                 self,
                 layers={k: self.layers[k].bare for k in near},
                 places={k: self.places[k] for k in near},
@@ -122,10 +122,10 @@ class LayerPairCost:
             self._kept = self._computed(self.box)
         return spread(self._kept, self.box, box)
 
-    def part(self, box: Box, seen: dict[int, Any]) -> LayerPairCost:
+    def part(self, box: Box, shared_parts: dict[int, Any]) -> LayerPairCost:
         """Return the same cost for use inside a box only, in another process."""
         whole = box.shared(self.box) == self.box
-        result = LayerPairCost(self._pair, self._pictures.part(box, seen))
+        result = LayerPairCost(self._pair, self._pictures.part(box, shared_parts))
         result._nearby = self._nearby if whole else self._reach
         return result
 
@@ -208,10 +208,10 @@ class LayerPairCost:
     def _reach(self) -> Reach | None:
         reach = self._pictures.match.reach
         if self._nearby is None and reach:
-            self._nearby = self._seen_by(reach)
+            self._nearby = self._computed_reach(reach)
         return self._nearby
 
-    def _seen_by(self, reach: float) -> Reach:
+    def _computed_reach(self, reach: float) -> Reach:
         def part(rows: slice) -> tuple[Floats32, Mask, Mask] | None:
             top = self.box.top
             here = Box(top + rows.start, self.box.left, top + rows.stop, self.box.right)
@@ -237,9 +237,9 @@ class LayerPairCost:
             box.left + left * step - place.left : max(inside.right, 0) : step,
         ]
         if not whole:
-            seen = image
-            image = np.zeros((*present[::step, ::step].shape, *seen.shape[2:]), seen.dtype)
-            image[top : top + len(seen), left : left + seen.shape[1]] = seen
+            pixels = image
+            image = np.zeros((*present[::step, ::step].shape, *pixels.shape[2:]), pixels.dtype)
+            image[top : top + len(pixels), left : left + pixels.shape[1]] = pixels
         if not whole and not uniform(self._pictures.covered[index], inside):  # beyond the layer it is 0
             image[~present[::step, ::step]] = 0
         return np.moveaxis(as_planes(image, layer.title, layer.data_range), 0, -1)

@@ -50,10 +50,10 @@ class PairCost(Protocol):
         """(h, w) bool mask of a box, True where both layers have pixels."""
         ...
 
-    def part(self, box: Box, seen: dict[int, Any]) -> PairCost:
+    def part(self, box: Box, shared_parts: dict[int, Any]) -> PairCost:
         """Return the same cost for use inside a box only, in another process.
 
-        `seen` collects the parts that several costs share.
+        `shared_parts` collects the parts that several costs share.
         """
 
 

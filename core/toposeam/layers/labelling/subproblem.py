@@ -23,13 +23,17 @@ def part_of_labelling(labelling: Labelling, box: Box, pair: Pair | None = None) 
     near = [all(place.shared(box).shape) for place in labelling.places]
     wanted = np.flatnonzero(near) if pair is None else pair
     nothing, nowhere = Box(0, 0, 0, 0), np.zeros((0, 0), bool)
-    seen: dict[int, Any] = {}
+    shared_parts: dict[int, Any] = {}
     allowed = [
         part_of(mask, box.shared(place).moved(-place.top, -place.left)) if k in wanted else nowhere
         for k, (mask, place) in enumerate(zip(labelling.allowed, labelling.places, strict=True))
     ]
     places = [place if is_near else nothing for place, is_near in zip(labelling.places, near, strict=True)]
-    costs = {(i, j): cost.part(box, seen) for (i, j), cost in labelling.costs.items() if near[i] and near[j]}
+    costs = {
+        (i, j): cost.part(box, shared_parts)
+        for (i, j), cost in labelling.costs.items()
+        if near[i] and near[j]
+    }
     return dataclasses.replace(labelling, places=places, allowed=allowed, costs=costs)
 
 
@@ -80,6 +84,6 @@ class _WindowCost:
         """(h, w) bool mask of a box, True where both layers have pixels."""
         return self.whole.shared(box.moved(*self.window[:2]))
 
-    def part(self, box: Box, seen: dict[int, Any]) -> PairCost:
+    def part(self, box: Box, shared_parts: dict[int, Any]) -> PairCost:
         """Return the same cost for use inside a box of the window only."""
-        return _WindowCost(self.whole.part(box.moved(*self.window[:2]), seen), self.window)
+        return _WindowCost(self.whole.part(box.moved(*self.window[:2]), shared_parts), self.window)

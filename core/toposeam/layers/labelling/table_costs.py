@@ -52,7 +52,7 @@ class TableCost:
         inside = self.box.grown(-1)
         return cut(np.ones(inside.shape, bool), inside, box)
 
-    def part(self, box: Box, seen: dict[int, Any]) -> PairCost:
+    def part(self, box: Box, shared_parts: dict[int, Any]) -> PairCost:
         """Cut the tables to a box and a margin; a part is returned as it is."""
         if self.at is not None:
             return self

@@ -202,9 +202,9 @@ class ReducedCost:
             down[start : part.bottom - 1, left:end] = below
         return spread((right, down), common, box)
 
-    def part(self, box: Box, seen: dict[int, Any]) -> PairCost:
+    def part(self, box: Box, shared_parts: dict[int, Any]) -> PairCost:
         """Return the same cost for use inside a box only, in another process."""
-        result = ReducedCost(self.finer.part(box.grown(1).doubled(), seen), self.wandering)
+        result = ReducedCost(self.finer.part(box.grown(1).doubled(), shared_parts), self.wandering)
         result.box = self.box
         return result
 

@@ -47,14 +47,14 @@ class EdgeCosts:
         The box in which pixels have their flat indices.
     layers : sequence of int
         The layers that 0, 1, … stand for.
-    seen : sequence of (h, w) bool arrays
+    may_show : sequence of (h, w) bool arrays
         Per layer, True where it may show.
     edges : Edges
         All edges, as :meth:`Edges.beside` lists them.
     """
 
     def __init__(
-        self, labelling: Labelling, box: Box, layers: Sequence[int], seen: Sequence[Mask], edges: Edges
+        self, labelling: Labelling, box: Box, layers: Sequence[int], may_show: Sequence[Mask], edges: Edges
     ) -> None:
         count, size = len(layers), len(edges.p)
         tables = [np.zeros(size, np.float32)]
@@ -71,7 +71,7 @@ class EdgeCosts:
                 if cost is None or common is None or not all(common.shape):
                     continue
                 window = common.within(box)
-                one, other = seen[i][window], seen[j][window]
+                one, other = may_show[i][window], may_show[j][window]
                 wanted = [(one[s] & other[t]) | (other[s] & one[t]) for s, t in SIDES]
                 there = [numbers[window][s] for numbers, (s, _) in zip(number, SIDES, strict=True)]
                 for chosen, numbers in zip(wanted, there, strict=True):

@@ -60,8 +60,8 @@ class Choices:
         self.may &= self.several
         known, open_ = label_map >= 0, self.several.reshape(box.shape)
         self.edges = Edges.beside(open_, known)
-        seen = [(self.may[k] | (self.shows == k)).reshape(box.shape) for k in range(count)]
-        self._costs = EdgeCosts(labelling, box, self.layers, seen, self.edges)
+        may_show = [(self.may[k] | (self.shows == k)).reshape(box.shape) for k in range(count)]
+        self._costs = EdgeCosts(labelling, box, self.layers, may_show, self.edges)
         #: Per layer, the edges of pixels that may show it, and the rows and columns of these pixels.
         self._nearby: dict[int, tuple[Edges, tuple[slice, slice]]] = {}
 

@@ -236,7 +236,7 @@ def arrange(
         If two pictures share no pixel.
     """
     limit = round(max_megapixels * 1e6)
-    kept = scratch if scratch is not None and (stores or _many(files)) else None
+    kept = scratch if scratch is not None and (stores or _has_many_pixels(files)) else None
     keep = None if kept is None else partial(store, scratch=kept)
     reading = _Reading(limit=limit, scratch=kept, skips=skip_bad, executor=executor, elsewhere=stores)
     sources, wrap = _sources(files, where, reading, 1 if alone else 2)
@@ -256,7 +256,7 @@ def arrange(
     other_groups: tuple[tuple[Path, ...], ...] = ()
     if not transforms:
         finding = finding or PlaceFinding()
-        options = _of_sources(finding, sources, notes, reading.numbers)
+        options = _finding_options(finding, sources, notes, reading.numbers)
         try:
             placement = found_places(layers, options, progress, executor if kept else None, place)
         except ts.OverlapError as error:
@@ -346,7 +346,7 @@ def _with_fisheyes(
     )
 
 
-def _of_sources(
+def _finding_options(
     finding: PlaceFinding, sources: Sequence[_Source], notes: Sequence[_Notes], numbers: Sequence[int]
 ) -> PlaceOptions:
     """Return the options for the pictures that were read, with the focal length that is given or that all
@@ -368,7 +368,7 @@ def _of_sources(
     return replace(options, focal=float(np.median(known)), about=True)
 
 
-def _many(files: Sequence[Path]) -> bool:
+def _has_many_pixels(files: Sequence[Path]) -> bool:
     """Test whether the pictures have too many pixels for memory."""
     if len(files) == 1 and files[0].suffix.lower() == ".ora":
         return False

@@ -86,7 +86,7 @@ def render(
     image, alpha = composed.image, composed.alpha
     filled, view = 0.0, Box(0, 0, *composed.shape)
     if alpha is not None and crop == "inside":
-        image, view, filled = _inside(image, alpha, out)
+        image, view, filled = _cropped_inside(image, alpha, out)
         alpha = None
     elif alpha is not None and out.background is not None:
         image, alpha = on_background(image, alpha, colour_of(out.background)), None
@@ -94,7 +94,7 @@ def render(
     return Rendered(composition=composed.crop(view), picture=picture, filled=filled)
 
 
-def _inside(image: Image, alpha: Image, out: Outputs) -> tuple[Image, Box, float]:
+def _cropped_inside(image: Image, alpha: Image, out: Outputs) -> tuple[Image, Box, float]:
     """Crop to the largest rectangle without holes; small holes near a picture may be filled first.
 
     Returns the cropped picture, its box, and the fraction of it that was filled.

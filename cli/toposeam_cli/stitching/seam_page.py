@@ -44,7 +44,7 @@ def seam_page(
     every = slice(0, None, step)
     after = _bytes(picture.pixels[every, every])
     opaque = None if picture.alpha is None else _bytes(picture.alpha[every, every])
-    before, seen = _laid(layers, composed, step)
+    before, covered = _stacked(layers, composed, step)
     names = [layer.name for layer in layers]
     rows, paths = [], []
     for number, seam in enumerate(composed.outlines):
@@ -71,7 +71,7 @@ def seam_page(
         "title": escape(title),
         "summary": f"{len(names)} pictures, {counted(len(rows), 'seam')} of cost {composed.cost:.4g}, "
         f"{width} × {height} px.",
-        "before": _data(before, seen),
+        "before": _data(before, covered),
         "after": _data(after, opaque),
         "left": str(composed.view.left),
         "top": str(composed.view.top),
@@ -85,7 +85,7 @@ def seam_page(
     return re.sub(r"\{\{(\w+)\}\}", lambda place: places[place[1]], page)
 
 
-def _laid(
+def _stacked(
     layers: Sequence[ts.Layer], composed: ts.layers.Composition, step: int
 ) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
     """Stack the layers, later ones on top; return the picture, and the mask where there is any."""

@@ -219,7 +219,7 @@ def common_canvas(
             width=width,
             height=height,
             most=max_megapixels,
-            alone=_alone(layers, max_megapixels * 1e6),
+            alone=_outlying_layer(layers, max_megapixels * 1e6),
         )
     if wrap is None:
         return canvas
@@ -229,7 +229,7 @@ def common_canvas(
     return Canvas(layers=layers, origin=(origin, top), shape=(height, period), period=period)
 
 
-def _alone(layers: Sequence[Layer], pixels: float) -> str:
+def _outlying_layer(layers: Sequence[Layer], pixels: float) -> str:
     """Name the one layer without which the canvas would be small enough, for an error; empty if there is
     none.
     """

@@ -93,7 +93,7 @@ class TileMap:
 
     def __getitem__(self, key: Windows2) -> npt.NDArray[Any]:
         rows, columns = self._bounds(key)
-        value = self._alike(rows, columns)
+        value = self._single_value(rows, columns)
         if value is not None:
             return np.full((len(rows), len(columns)), value, self.dtype)
         if not len(rows) or not len(columns):
@@ -152,7 +152,7 @@ class TileMap:
         common = box.shared(Box(0, 0, *self.shape))
         if not all(common.shape):
             return None
-        return self._alike(range(common.top, common.bottom), range(common.left, common.right))
+        return self._single_value(range(common.top, common.bottom), range(common.left, common.right))
 
     def holds(self, box: Box, value: Any) -> bool:
         """Test whether all pixels of a box on the map have a value."""
@@ -196,13 +196,13 @@ class TileMap:
             first, last = starts // TILE, -(-stops // TILE)
             bounds = np.stack([first, np.minimum(last, least.shape[axis])], axis=1).ravel()
             least, most, several = (
-                _within(function, values, bounds, axis)
+                _reduced_between(function, values, bounds, axis)
                 for function, values in ((np.minimum, least), (np.maximum, most), (np.logical_or, several))
             )
         known: npt.NDArray[np.bool_] = (least == most) & ~several
         return known
 
-    def _alike(self, rows: range, columns: range) -> Any:
+    def _single_value(self, rows: range, columns: range) -> Any:
         if not len(rows) or not len(columns):
             return None
         first, last = rows[0] // TILE, rows[-1] // TILE + 1
@@ -250,7 +250,7 @@ def _tiles_of(box: Box) -> tuple[range, range]:
     return range(top // TILE, -(-bottom // TILE)), range(left // TILE, -(-right // TILE))
 
 
-def _within(
+def _reduced_between(
     function: np.ufunc, values: npt.NDArray[Any], bounds: npt.NDArray[np.intp], axis: int
 ) -> npt.NDArray[Any]:
     """Reduce values along an axis by a ufunc between pairs of bounds; the last bound may be the end."""

@@ -136,7 +136,7 @@ def find_label_map(
     """
     options = search.options
     if canvas.period is not None:
-        return _all_round(canvas, search, paths)
+        return _by_cutting_open(canvas, search, paths)
     maps = {
         "weight": None if options.weight is None else as_weights(options.weight, canvas.shape),
         "avoid": None if options.avoid is None else as_mask(options.avoid, canvas.shape, "avoid"),
@@ -172,7 +172,9 @@ def _by_rounds(
     return found, seams
 
 
-def _all_round(canvas: Canvas, search: SeamSearch, paths: Mapping[Pair, SvgSeam]) -> tuple[LabelMap, Seams]:
+def _by_cutting_open(
+    canvas: Canvas, search: SeamSearch, paths: Mapping[Pair, SvgSeam]
+) -> tuple[LabelMap, Seams]:
     """Search a round canvas as a flat one, cut open at the column on which fewest layers lie.
 
     If one layer lies at the cut, no seam crosses it. If several do, the labels in a band round the cut are

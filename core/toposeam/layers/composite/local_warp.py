@@ -81,7 +81,7 @@ def give_way(
         The given one where bending lowers the cost of all seams together by less than 3 %.
     """
     period = composed.period
-    layers = [_dense(layer if period is None else narrowed(layer, period)) for layer in composed.layers]
+    layers = [_in_memory(layer if period is None else narrowed(layer, period)) for layer in composed.layers]
     corner = np.array(composed.origin, float)
     seams = [
         (seam.pair, [np.asarray(line.points) + corner for line in seam.paths]) for seam in composed.outlines
@@ -95,7 +95,7 @@ def give_way(
     return dataclasses.replace(again, bent=farthest)
 
 
-def _dense(layer: Layer) -> Layer:
+def _in_memory(layer: Layer) -> Layer:
     """Return the layer with its pixels in memory."""
     alpha = None if layer.alpha is None else np.asarray(layer.alpha[:, :])
     return dataclasses.replace(layer, image=np.asarray(layer.image[:, :]), alpha=alpha)
@@ -129,19 +129,19 @@ def bend(
     pinned: list[list[tuple[Floats, Floats]]] = [[] for _ in layers]
     for (i, j), lines in seams:
         for line in lines:
-            points = _along(line)
+            points = _equidistant_points(line)
             if len(points) < 2:
                 continue
-            a, b = (_turned_to(layers[k], points, period) for k in (i, j))
+            a, b = (_in_period_of(layers[k], points, period) for k in (i, j))
             moves = _displacements(a, b, points, most)
             for k, beside, fixed in ((i, a, np.zeros_like(moves)), (j, b, moves)):
                 pinned[k].append((points - np.array(beside.at) + np.array(layers[k].at), fixed))
             farthest = max(farthest, float(np.hypot(*moves.T).max()))
     reach = max(_LEAST_DECAY, _DECAY_PER_PX * most)
-    return [_bent(layer, found, reach) for layer, found in zip(layers, pinned, strict=True)], farthest
+    return [_warped(layer, found, reach) for layer, found in zip(layers, pinned, strict=True)], farthest
 
 
-def _turned_to(layer: Layer, points: Floats, period: int | None) -> Layer:
+def _in_period_of(layer: Layer, points: Floats, period: int | None) -> Layer:
     """Move a layer of a round canvas by whole periods to the period in which points lie."""
     if period is None:
         return layer
@@ -150,7 +150,7 @@ def _turned_to(layer: Layer, points: Floats, period: int | None) -> Layer:
     return dataclasses.replace(layer, at=(x + turns * period, y)) if turns else layer
 
 
-def _along(points: Floats) -> Floats:
+def _equidistant_points(points: Floats) -> Floats:
     """Resample a line; return (M, 2) points x and y at equal distances along it."""
     steps = np.hypot(*np.diff(points, axis=0).T)
     far = np.concatenate([[0.0], np.cumsum(steps)])
@@ -167,16 +167,16 @@ def _displacements(a: Layer, b: Layer, points: Floats, most: int) -> Floats:
     side = 2 * _PATCH_RADIUS + 1
     for row in range(len(reach)):
         for column in range(len(reach)):
-            costs[:, row, column] = _unlike(own, there[:, row : row + side, column : column + side])
+            costs[:, row, column] = _dissimilarity(own, there[:, row : row + side, column : column + side])
     costs[costs[:, most, most] >= _MISSING_COST] = 0  # beyond the end of a layer nothing can be compared
     far = np.hypot(reach[:, np.newaxis], reach)
     costs += np.where(far <= most, _COST_PER_PX * far, _BEYOND_COST)
-    found = _cheapest(costs)
+    found = _cheapest_path(costs)
     at = np.arange(len(points))
     before, after = costs[:, most, most], costs[at, found[:, 0], found[:, 1]]
     if not after.mean() < (1 - _LEAST_PATCH_GAIN) * before.mean():
         return np.zeros((len(points), 2))
-    fine = (found - most + _between(costs, found)).astype(float)
+    fine = (found - most + _subpixel_shifts(costs, found)).astype(float)
     smooth = scipy.ndimage.gaussian_filter1d(fine, 2.0, axis=0, mode="nearest")
     return np.asarray(smooth[:, ::-1])
 
@@ -201,7 +201,7 @@ def _patches(layer: Layer, centres: npt.NDArray[np.intp], half: int) -> npt.NDAr
     return found
 
 
-def _unlike(a: npt.NDArray[np.float32], b: npt.NDArray[np.float32]) -> Floats:
+def _dissimilarity(a: npt.NDArray[np.float32], b: npt.NDArray[np.float32]) -> Floats:
     """Return (M,) dissimilarities of patches: 1 - SSIM plus twice the mean absolute difference."""
     c1, c2 = 0.01**2, 0.03**2
     axes = (1, 2)
@@ -214,7 +214,7 @@ def _unlike(a: npt.NDArray[np.float32], b: npt.NDArray[np.float32]) -> Floats:
     return np.where(np.isfinite(dissimilarity), dissimilarity, _MISSING_COST).astype(float)
 
 
-def _cheapest(costs: Floats) -> npt.NDArray[np.intp]:
+def _cheapest_path(costs: Floats) -> npt.NDArray[np.intp]:
     """Find the sequence of least total cost through (M, K, K) states, moving by one state at most.
 
     Returns (M, 2) rows and columns.
@@ -242,7 +242,7 @@ def _cheapest(costs: Floats) -> npt.NDArray[np.intp]:
     return found
 
 
-def _between(costs: Floats, found: npt.NDArray[np.intp]) -> Floats:
+def _subpixel_shifts(costs: Floats, found: npt.NDArray[np.intp]) -> Floats:
     """Refine the cheapest displacements to subpixels by a parabola through their neighbours; (M, 2) px."""
     at, last = np.arange(len(found)), costs.shape[1] - 1
     shifts = np.zeros(found.shape)
@@ -256,7 +256,7 @@ def _between(costs: Floats, found: npt.NDArray[np.intp]) -> Floats:
     return np.clip(shifts, -0.5, 0.5)
 
 
-def _bent(layer: Layer, pinned: Sequence[tuple[Floats, Floats]], reach: float) -> Layer:
+def _warped(layer: Layer, pinned: Sequence[tuple[Floats, Floats]], reach: float) -> Layer:
     """Warp a layer by displacements that are given at points and decay away from them."""
     if not pinned:
         return layer
@@ -269,7 +269,7 @@ def _bent(layer: Layer, pinned: Sequence[tuple[Floats, Floats]], reach: float) -
     own = points - np.array(layer.at)
     low = np.maximum(np.floor(own[moved].min(axis=0) - far), 0).astype(int)
     high = np.minimum(np.ceil(own[moved].max(axis=0) + far), (width, height)).astype(int)
-    field = _spread(own - low, moves, (high - low)[::-1], reach)
+    field = _spread_displacements(own - low, moves, (high - low)[::-1], reach)
     part, bends = (slice(low[1], high[1]), slice(low[0], high[0])), np.abs(field).max(axis=2) >= _LEAST_MOVE
     if not bends.any():
         return layer
@@ -290,7 +290,7 @@ def _bent(layer: Layer, pinned: Sequence[tuple[Floats, Floats]], reach: float) -
     return dataclasses.replace(layer, image=image, alpha=alpha)
 
 
-def _spread(
+def _spread_displacements(
     points: Floats, moves: Floats, shape: npt.NDArray[np.intp], reach: float
 ) -> npt.NDArray[np.float32]:
     """Interpolate (M, 2) displacements at points of a part of a layer to an (h, w, 2) field.

@@ -119,7 +119,7 @@ class Painter:
         canvas = self.canvas
         window = Box(top, left, bottom, right).shared(self.box).moved(0, self.begin)
         boxes = [window.grown(self.blending.margin).shared(canvas.box)]
-        if self._is_eased and window.right > self._end - _JOINT_WIDTH:
+        if self._fades_at_end and window.right > self._end - _JOINT_WIDTH:
             boxes.append(boxes[0].moved(0, -self.width).shared(canvas.box))
         fadings: list[Fading] = []
         if self.blending.needs_potential:
@@ -129,7 +129,7 @@ class Painter:
             self,
             canvas=_part_of_canvas(canvas, boxes),
             labels=part_of(self.labels, *boxes),
-            fadings=_Known(fadings),
+            fadings=_KnownFadings(fadings),
         )
 
     def _empty(self, box: Box) -> tuple[Image, Image]:
@@ -141,8 +141,8 @@ class Painter:
         tile = tile.moved(0, self.begin)
         image, alpha = self._hard_cut(tile, onto)
         self._blender.blend(tile, image, alpha)
-        if self._is_eased:
-            self._ease(tile, image)
+        if self._fades_at_end:
+            self._fade_end(tile, image)
         return image, alpha
 
     def _hard_cut(self, box: Box, onto: tuple[Image, Image] | None = None) -> tuple[Image, Image]:
@@ -155,13 +155,13 @@ class Painter:
         return self.begin + self.width
 
     @property
-    def _is_eased(self) -> bool:
+    def _fades_at_end(self) -> bool:
         """Whether the last columns must fade: the blend's grid begins at the left edge and does not fit the
         width.
         """
         return self.goes_round and self.blending.grid > 1
 
-    def _ease(self, tile: Box, image: Image) -> None:
+    def _fade_end(self, tile: Box, image: Image) -> None:
         """Fade the last columns of a round canvas into those beyond its left edge, for pyramids.
 
         Pyramids begin at the left edge, and the width need not be a multiple of their coarsest pixels.
@@ -197,7 +197,7 @@ class Painter:
 
 
 @dataclass(frozen=True, eq=False)
-class _Known:
+class _KnownFadings:
     """A function that returns label potentials that are known; unlike a closure it can be pickled."""
 
     fadings: Sequence[Fading]

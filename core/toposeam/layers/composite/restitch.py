@@ -109,7 +109,7 @@ def restitch(
     search = SeamSearch.of(options, len(layers))
     seams: Seams
     if len(layers) == 2 and drawings:
-        found, seams = find_label_map(_with_kernel(canvas, drawings[0, 1]), search, drawings)
+        found, seams = find_label_map(_with_kept_pixel(canvas, drawings[0, 1]), search, drawings)
     else:
         found = label_map_of_masks(canvas, shown)
         for pair, drawing in drawings.items():
@@ -169,7 +169,7 @@ def _divide(canvas: Canvas, labels: Labels, pair: Pair, drawing: SvgSeam) -> Non
     box = canvas.places[pair[0]].around(canvas.places[pair[1]]).shared(canvas.box)
     shown = labels[box.slices]
     covers = [cut(canvas.covers[k], canvas.places[k], box) & np.isin(shown, pair) for k in pair]
-    shared, side = _sides(*covers)
+    shared, side = _overlap_sides(*covers)
     if not shared.any():
         return
     shift = np.array([box.left, box.top], float)
@@ -183,7 +183,7 @@ def _divide(canvas: Canvas, labels: Labels, pair: Pair, drawing: SvgSeam) -> Non
     labels[box.slices] = np.where(shared, np.where(second_shows, other, one), shown)
 
 
-def _sides(first: Mask, second: Mask) -> tuple[Mask, Bytes]:
+def _overlap_sides(first: Mask, second: Mask) -> tuple[Mask, Bytes]:
     """Return the (H, W) bool mask where both layers have pixels, and the (H, W) uint8 sides of a seam
     problem.
     """
@@ -191,7 +191,7 @@ def _sides(first: Mask, second: Mask) -> tuple[Mask, Bytes]:
     return shared, np.select([shared, first, second], [FREE, A, B], NONE).astype(np.uint8)
 
 
-def _with_kernel(canvas: Canvas, drawing: SvgSeam) -> Canvas:
+def _with_kept_pixel(canvas: Canvas, drawing: SvgSeam) -> Canvas:
     """Keep the innermost pixel that a closed path gives to a layer that lies wholly inside the other one.
 
     Without such a kept pixel the inner layer would have to show its core; so the path alone decides what it
@@ -200,7 +200,7 @@ def _with_kernel(canvas: Canvas, drawing: SvgSeam) -> Canvas:
     covers = [
         cut(cover, place, canvas.box) for cover, place in zip(canvas.covers, canvas.places, strict=True)
     ]
-    shared, side = _sides(*covers)
+    shared, side = _overlap_sides(*covers)
     alone = [bool((side == A).any()), bool((side == B).any())]
     if all(alone) or not shared.any() or (drawing.width, drawing.height) != canvas.shape[::-1]:
         return canvas

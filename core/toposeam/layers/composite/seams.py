@@ -31,7 +31,7 @@ _INTERFACES: Any = (1, np.s_[:BLOCK, :-1], np.s_[:BLOCK, 1:]), (0, np.s_[:-1, :B
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Between:
+class _SeamOnOverlap:
     """Two layers, their match cost, and the labels on their overlap."""
 
     pair: Pair
@@ -40,22 +40,22 @@ class _Between:
     labels: Labels
 
 
-def _measured(between: _Between) -> tuple[int, float, Verdict]:
+def _measured(on_overlap: _SeamOnOverlap) -> tuple[int, float, Verdict]:
     """Count the interfaces of a seam that cost something; return that length, their total cost, and the
     verdict.
     """
     found = [(np.zeros(0, np.intp), np.zeros(0, np.intp))]
-    canvas = between.canvas
-    for block in several(between.labels, between.cost.box.shared(canvas), side=BLOCK):
-        labels = between.labels[block.slices]
-        first, second = (labels == k for k in between.pair)
+    canvas = on_overlap.canvas
+    for block in several(on_overlap.labels, on_overlap.cost.box.shared(canvas), side=BLOCK):
+        labels = on_overlap.labels[block.slices]
+        first, second = (labels == k for k in on_overlap.pair)
         for axis, s, t in _INTERFACES:
             border = (first[s] & second[t]) | (second[s] & first[t])
             rows, columns = np.divmod(np.flatnonzero(border), max(1, border.shape[1]))
             at = (rows + block.top) * canvas.shape[1] + columns + block.left
             found.append((at, np.full(len(at), axis)))
     first_pixel, along = (np.concatenate(part) for part in zip(*found, strict=True))
-    costs = costs_at(between.cost, canvas, first_pixel, along)
+    costs = costs_at(on_overlap.cost, canvas, first_pixel, along)
     dear = costs > 0
     y, x = np.divmod(first_pixel[dear], canvas.shape[1])
     return len(x), float(costs.sum()), verdict_of(costs[dear], x, y)
@@ -185,7 +185,7 @@ class SeamsOfMap:
     def figures(self, executor: Executor | None = None) -> Mapping[Pair, SeamFigures]:
         """Compute length, cost and verdict of all seams, without making the seams."""
         if not self._figures:
-            items = (self._between(pair, executor is not None) for pair in self.pairs)
+            items = (self._on_overlap(pair, executor is not None) for pair in self.pairs)
             judged = self.common.get("law") == "natural"
             for pair, (length, cost, verdict) in zip(
                 self.pairs, results(executor, _measured, items), strict=True
@@ -195,12 +195,12 @@ class SeamsOfMap:
                 )
         return self._figures
 
-    def _between(self, pair: Pair, apart: bool) -> _Between:
+    def _on_overlap(self, pair: Pair, apart: bool) -> _SeamOnOverlap:
         """Collect what :func:`_measured` needs of a pair; with `apart`, cut out for another process."""
         cost, labels = self.labelling.costs[pair], self.label_map.labels
         if apart:
             cost, labels = cost.part(cost.box, {}), part_of(labels, cost.box)
-        return _Between(pair, cost, self.labelling.canvas, labels)
+        return _SeamOnOverlap(pair, cost, self.labelling.canvas, labels)
 
     def _seam_box(self, pair: Pair) -> Box | None:
         """Return the box of a seam and a margin on a large overlap; None if the whole overlap is used."""

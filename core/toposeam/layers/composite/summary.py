@@ -40,8 +40,8 @@ from toposeam.vector.svg import write_svg
 
 SCHEMA = 1
 #: Keys of a layer that are filled in if its place was searched.
-_SOUGHT = ("moved", "correlation", "turn", "scale")
-_UNJUDGED: dict[str, Any] = {"likeness": None, "worst_likeness": None, "look_at": None}
+_PLACEMENT_KEYS = ("moved", "correlation", "turn", "scale")
+_NO_VERDICT: dict[str, Any] = {"likeness": None, "worst_likeness": None, "look_at": None}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -144,13 +144,13 @@ def summary_of(composition: Summarised, *, optima: bool) -> dict[str, Any]:
                 "paths": len(seam.paths),
                 "length_px": round(seam.length),
                 "seconds": round(seam.seconds, 6),
-                **(_UNJUDGED if verdict is None else verdict.summary()),
+                **(_NO_VERDICT if verdict is None else verdict.summary()),
             }
         )
     known = [verdict for verdict in verdicts if verdict is not None]
     worst = min(known, key=lambda verdict: verdict.worst) if known else None
     layers = [
-        {"name": layer.name, "at": list(layer.at), "shown_px": shown, **dict.fromkeys(_SOUGHT)}
+        {"name": layer.name, "at": list(layer.at), "shown_px": shown, **dict.fromkeys(_PLACEMENT_KEYS)}
         for layer, shown in zip(composition.layers, composition.shown, strict=True)
     ]
     height, width = view.shape
@@ -161,7 +161,7 @@ def summary_of(composition: Summarised, *, optima: bool) -> dict[str, Any]:
         "cost": sum(seam["cost"] for seam in found),
         "rounds": composition.rounds,
         "bent_px": composition.bent,
-        **(_UNJUDGED if worst is None else worst.summary()),
+        **(_NO_VERDICT if worst is None else worst.summary()),
         "layers": layers,
         "seams": found,
         "placement": None,

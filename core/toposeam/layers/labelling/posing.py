@@ -84,7 +84,7 @@ def pose_labelling(
     allowed = _away_from_ends(places, covered)
     _keep_cores(canvas.box, places, covered, allowed, core, speck)
     for pair, labels in given:
-        _divide(places, allowed, pair, labels)
+        _apply_seam(places, allowed, pair, labels)
     match = MatchCost() if match is None else match
     pictures = Pictures(canvas.layers, places, covered, allowed, match, weight, avoid, canvas.box)
     costs: dict[Pair, PairCost] = {pair: LayerPairCost(pair, pictures) for pair in pairs}
@@ -254,13 +254,13 @@ def _cores_of(
     """
     place = places[index]
     whole = all_of(covered[index])  # the layer is one piece
-    if whole and core is None and not any(place.shared(other) == place for other in _but(index, places)):
+    if whole and core is None and not any(place.shared(other) == place for other in _all_but(index, places)):
         return None
     if whole and core is not None and any((_depth(places, covered, box) == 1).any() for box in blocks(place)):
         return None
     if core is None and not whole:
         # A layer that lies at both ends of a round canvas leaves most columns empty.
-        runs = _occupied(covered[index])
+        runs = _column_runs(covered[index])
         if sum(map(len, runs)) < place.shape[1] and not _lies_in_another(index, places, covered, runs):
             return None
     cover = dense(covered[index])
@@ -285,7 +285,7 @@ def _cores_of(
     return _Cores(index, box, numbers, np.bincount(piece.ravel()))
 
 
-def _occupied(cover: Mask) -> list[range]:
+def _column_runs(cover: Mask) -> list[range]:
     """Find the runs of columns in which a mask has pixels."""
     edges = np.flatnonzero(np.diff(np.pad(occupied_columns(cover), 1))).tolist()
     return [range(start, stop) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
@@ -317,7 +317,7 @@ def _inside_another(
     px.
     """
     inside = np.zeros(len(size), bool)
-    for other, theirs in zip(_but(index, places), _but(index, covered), strict=True):
+    for other, theirs in zip(_all_but(index, places), _all_but(index, covered), strict=True):
         common = box.shared(other)
         if all(common.shape):
             enclosed = piece[common.within(box)][cut(theirs, other, common)]
@@ -326,7 +326,7 @@ def _inside_another(
     return inside
 
 
-def _but(index: int, values: Sequence[_T]) -> Sequence[_T]:
+def _all_but(index: int, values: Sequence[_T]) -> Sequence[_T]:
     """Return all values but one."""
     return [*values[:index], *values[index + 1 :]]
 
@@ -341,7 +341,7 @@ def _depth(places: Sequence[Box], covered: Sequence[Mask], box: Box) -> npt.NDAr
     return depth
 
 
-def _divide(places: Sequence[Box], allowed: list[Mask], pair: Pair, labels: Mask) -> None:
+def _apply_seam(places: Sequence[Box], allowed: list[Mask], pair: Pair, labels: Mask) -> None:
     """Forbid each of two layers the pixels that a given seam leaves to the other; `labels` on the canvas,
     True for the second layer.
     """

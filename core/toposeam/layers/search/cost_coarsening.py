@@ -59,11 +59,11 @@ def halved(labelling: Labelling, wandering: float) -> Labelling:
         partners[i].append(j)
         partners[j].append(i)
     everywhere, somewhere = [], []
-    inner = [_full(labelling, index, place) for index, place in enumerate(places)]
+    inner = [_full_box(labelling, index, place) for index, place in enumerate(places)]
     for index, (place, full) in enumerate(zip(places, inner, strict=True)):
         every, some = (new_map(place.shape, True, bool) for _ in range(2))
         for box in rim(Box(0, 0, *place.shape), full):
-            every[box.slices], some[box.slices] = _allowed(labelling, index, _moved(box, place))
+            every[box.slices], some[box.slices] = _allowed(labelling, index, _on_canvas(box, place))
         everywhere.append(every)
         somewhere.append(some)
 
@@ -80,7 +80,7 @@ def halved(labelling: Labelling, wandering: float) -> Labelling:
         every, some = everywhere[index][box.slices], somewhere[index][box.slices]
         if (every == some).all():
             return every
-        there = _moved(box, place)
+        there = _on_canvas(box, place)
         result: Mask = every | (some & ~ground(places, everywhere, there))
         for other in partners[index]:
             if all(places[other].shared(there).shape):
@@ -96,7 +96,7 @@ def halved(labelling: Labelling, wandering: float) -> Labelling:
     return Labelling(canvas, places, allowed, costs, labelling.forbidden)
 
 
-def _full(labelling: Labelling, index: int, reduced: Box) -> Box | None:
+def _full_box(labelling: Labelling, index: int, reduced: Box) -> Box | None:
     """Find the box of reduced pixels that lie where a layer is allowed everywhere, except near its borders;
     None if there is none.
     """
@@ -117,14 +117,14 @@ def _allowed(labelling: Labelling, index: int, box: Box) -> tuple[Mask | bool, M
         return True, True
     allowed = labelling.allowed_in(index, fine)
     missing = ground(labelling.places, labelling.allowed, fine) & ~allowed
-    some = _any(allowed)
-    return some & ~_any(missing), some
+    some = _any_in_blocks(allowed)
+    return some & ~_any_in_blocks(missing), some
 
 
 def _filled(labelling: Labelling, pair: Pair, box: Box) -> Mask:
     """(h, w) bool mask of a reduced box: one of two layers is allowed at each covered pixel."""
     fine = box.doubled()
-    return ~_any(
+    return ~_any_in_blocks(
         ground(labelling.places, labelling.allowed, fine)
         & ~labelling.allowed_in(pair[0], fine)
         & ~labelling.allowed_in(pair[1], fine)
@@ -150,12 +150,12 @@ def opened(chosen: Mask, finer: Labelling) -> Mask:
     return result
 
 
-def _moved(box: Box, place: Box) -> Box:
+def _on_canvas(box: Box, place: Box) -> Box:
     """Convert a box of a layer to one of the canvas."""
     return box.moved(*place[:2])
 
 
-def _any(mask: Mask) -> Mask:
+def _any_in_blocks(mask: Mask) -> Mask:
     """Test whether a mask is True at some pixel of each 2 × 2 block.
 
     Two columns are compared at once.
@@ -217,9 +217,9 @@ class ReducedCost:
             # One more reduced row, for the interfaces below the last one.
             fine = Box(box.top + start, box.left, box.top + min(stop + 1, height), box.right).doubled()
             beside, below = self.finer.on(fine)
-            across = _of_three(beside, self.wandering)
+            across = _reduced_columns(beside, self.wandering)
             right[start:stop] = (across[0::2] + across[1::2])[: stop - start]
-            along = _of_three(below.T, self.wandering).T
+            along = _reduced_columns(below.T, self.wandering).T
             along = along[:, 0::2] + along[:, 1::2]
             down[start : start + len(along)] = along[: height - 1 - start]
         return right, down
@@ -274,7 +274,7 @@ class Tables:
         made: dict[Pair, list[TableCost]] = {}
         for pair, (tables, nearby) in self._made:
             made[pair] = tables
-            pixels = _pixels(self._costs[pair]) if self._by_executor else None
+            pixels = _layer_cost(self._costs[pair]) if self._by_executor else None
             if pixels is not None:
                 pixels.know(nearby)
         found, costs = [], dict(self._costs)
@@ -312,7 +312,7 @@ def _tables(item: tuple[PairCost, int]) -> tuple[list[TableCost], Reach | None]:
     found = [_table(cost)]
     while len(found) < count:
         found.append(_table(ReducedCost(found[-1], cast(ReducedCost, cost).wandering)))
-    pixels = _pixels(cost)
+    pixels = _layer_cost(cost)
     return found, None if pixels is None else pixels.looked_at()
 
 
@@ -322,14 +322,14 @@ def _table(cost: PairCost) -> TableCost:
     return TableCost(lazy.box, *lazy.computed(lazy.box))
 
 
-def _pixels(cost: PairCost) -> LayerPairCost | None:
+def _layer_cost(cost: PairCost) -> LayerPairCost | None:
     """Return the cost at full size that a reduced cost is computed from, None if that is a table."""
     while isinstance(cost, ReducedCost):
         cost = cost.finer
     return cost if isinstance(cost, LayerPairCost) else None
 
 
-def _of_three(cost: Floats32, wandering: float) -> Floats32:
+def _reduced_columns(cost: Floats32, wandering: float) -> Floats32:
     """Reduce (n, 2 m - 1) costs between 2 m columns to (n, m - 1) costs between pairs of columns.
 
     0 stands for no interface; where the common border has none, the other two stand for it.

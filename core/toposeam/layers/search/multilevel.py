@@ -67,7 +67,7 @@ def minimise(problem: Problem, order: Sequence[int], most: int) -> LabelMap:
         refine(problem, labels, beside_seams(labels, options.band), most)
     if options.windows and thorough:
         settle(problem, labels)
-    return _found(problem, labels, rounds, started)
+    return _with_figures(problem, labels, rounds, started)
 
 
 def recut(
@@ -131,10 +131,10 @@ def recut(
         found = _from_coarse_in(window, problem)
     labels = label_map.labels.copy()
     labels[box.slices] = found
-    return _found(problem, labels, label_map.rounds, started - label_map.seconds)
+    return _with_figures(problem, labels, label_map.rounds, started - label_map.seconds)
 
 
-def _found(problem: Problem, labels: Labels, rounds: int, started: float) -> LabelMap:
+def _with_figures(problem: Problem, labels: Labels, rounds: int, started: float) -> LabelMap:
     """Return a label map with the engine, rounds and seconds of its search, which began at `started`."""
     method, settings = problem.engine
     seconds = time.perf_counter() - started

@@ -1,6 +1,6 @@
-"""Layers of a request as core's, and what core makes of them as rasters for the asker.
+"""Convert the layers of a request to those of core, and core's results to rasters for GIMP.
 
-Places are in px of the asker's image; every raster has its place there, ``at``.
+Places are in px of GIMP's image; every raster has its place there as ``at``.
 """
 
 from __future__ import annotations

@@ -26,7 +26,7 @@ from toposeam_cli.stitching.search_options import correlations
 def is_read(quiet: bool) -> bool:
     """Test whether anyone reads the report: people who did not pass ``--quiet``, or a batch.
 
-    A batch takes what is returned here, and calls the command without its group.
+    A batch uses what the command returns, and calls the command without its group.
     """
     return not quiet or click.get_current_context().parent is None
 

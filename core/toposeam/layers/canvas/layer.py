@@ -112,7 +112,7 @@ class Layer:
 
     @property
     def title(self) -> Term:
-        """The name, for error texts in which a front end does not put its own."""
+        """The name, as a term in errors that front ends do not replace."""
         return Term("", self.name)
 
     @property

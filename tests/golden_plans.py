@@ -222,7 +222,7 @@ def three_in_python(_: Path) -> Made:
     return Made(with_alpha(made), made.cost)
 
 
-def with_alpha(made: ts.layers.Stitched) -> np.ndarray:
+def with_alpha(made: ts.layers.Composition) -> np.ndarray:
     return made.image if made.alpha is None else np.dstack([made.image, made.alpha])
 
 

@@ -38,7 +38,7 @@ OPTION_ROOMS = (
     STITCH,
 )
 #: The functions of core that take these options.
-JOINING = ("stitch", "compose")
+JOINING = ("stitch",)
 #: Where lines of a stitch are counted.
 LINE_ROOMS = (*CLASS_ROOMS, STITCH, "plugin_gimp/toposeam_engine")
 

@@ -1,5 +1,7 @@
 """What the tests beside this have in common."""
 
+import json
+
 import numpy as np
 from PIL import ImageCms
 from scipy import ndimage
@@ -14,6 +16,12 @@ STRIP = ("a.png", "b.png", "--overlap", "20")
 
 def names(folder):
     return sorted(path.name for path in folder.iterdir())
+
+
+def told(ran):
+    """What a run with --json printed, which ended well."""
+    assert ran.code == 0, ran
+    return json.loads(ran.out)
 
 
 def shown(path):

@@ -35,14 +35,14 @@ def fail_with(error):
     ],
 )
 def test_a_machine_that_gives_up_is_one_sentence_too(toposeam, inputs, here, monkeypatch, error, phrase):
-    monkeypatch.setattr("toposeam.layers.compose", fail_with(error))
+    monkeypatch.setattr("toposeam.stitch", fail_with(error))
     before = snapshot(here)
     toposeam("stitch", *arguments("{a} {b} " + IN, inputs)).fails(phrase)
     assert snapshot(here) == before
 
 
 def test_a_mistake_of_ours_asks_for_a_report(toposeam, inputs, here, monkeypatch):
-    monkeypatch.setattr("toposeam.layers.compose", fail_with(ZeroDivisionError("division\nby zero")))
+    monkeypatch.setattr("toposeam.stitch", fail_with(ZeroDivisionError("division\nby zero")))
     line = ("stitch", *arguments("{a} {b} " + IN, inputs))
     ran = toposeam(*line)
     assert ran.code == 1
@@ -56,7 +56,7 @@ def test_a_mistake_of_ours_asks_for_a_report(toposeam, inputs, here, monkeypatch
 @pytest.mark.medium
 def test_debugging_shows_where(started, inputs, here):
     code = (
-        "import toposeam\ntoposeam.layers.compose = lambda *a, **o: 1 / 0\n"
+        "import toposeam\ntoposeam.stitch = lambda *a, **o: 1 / 0\n"
         "from toposeam_cli.app.main import main\nmain()"
     )
     line = arguments("{a} {b} " + IN, inputs)
@@ -154,7 +154,7 @@ def test_ctrl_c_at_any_moment_leaves_nothing_half_written(toposeam, inputs, here
     target = {
         "import": ("toposeam_cli.app.registry.import_module",),
         "read": ("toposeam_cli.stitching.inputs.read_picture",),
-        "search": ("toposeam.layers.compose",),
+        "search": ("toposeam.stitch",),
         "figure": ("toposeam_cli.figures.history.history_figure",),
         "write": (output.os, "fsync"),
         "rename": (output, "give_name"),

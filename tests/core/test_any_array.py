@@ -61,7 +61,6 @@ CALLS = {
     "natural_patch": lambda a, b: ts.texture.natural_patch(a),
     "closing_size": lambda a, b: ts.texture.closing_size(a, (32, 32)),
     "stitch": lambda a, b: ts.stitch(pair(a, b)),
-    "compose": lambda a, b: ts.stitch(pair(a, b)),
     "align": lambda a, b: ts.layers.align(pair(a, b), radius=4),
     "correlations": lambda a, b: ts.layers.correlations(pair(a, b)),
     "match_tones": lambda a, b: ts.layers.match_tones(pair(a, b)),

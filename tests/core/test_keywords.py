@@ -8,7 +8,6 @@ from typing import get_type_hints
 import pytest
 
 import toposeam as ts
-from toposeam.layers.composite.options import StitchKeywords
 from toposeam.motif.generate import RecipeKeywords
 from toposeam.motif.ink.svg import SvgKeywords
 from toposeam.path.gather import PathKeywords
@@ -32,13 +31,19 @@ def test_keywords_are_fields_of_options(keywords, options):
     assert set(keywords.__annotations__) == fields
 
 
-def test_keywords_of_stitch_are_its_options_by_name_and_type():
-    options, methods = get_type_hints(ts.layers.StitchOptions), get_type_hints(SeamKeywords)
-    assert not options.keys() & methods.keys()
-    assert get_type_hints(StitchKeywords) == options | methods
-    said = re.compile(r"^    (\w+(?:, \**\w+)*)(?: :|$)", re.MULTILINE).findall(ts.stitch.__doc__)
-    assert set(options) <= set(", ".join(said).split(", "))
-    assert set(options) < set(inspect.signature(ts.stitch).parameters)
+def test_keywords_of_stitch_are_its_options_and_documented():
+    """Each field has a comment that Sphinx takes for its documentation, on the lines above it."""
+    options, methods = dataclasses.fields(ts.layers.StitchOptions), get_type_hints(SeamKeywords)
+    assert not {option.name for option in options} & methods.keys()
+    signature, own = (inspect.signature(one).parameters for one in (ts.stitch, ts.layers.StitchOptions))
+    assert {name: signature[name] for name in own} == dict(own)
+    assert set(signature) == {*own, "layers", "keywords"}
+    assert set(own) == {option.name for option in options}
+    assert ":class:`toposeam.layers.StitchOptions`" in ts.stitch.__doc__
+    lines = inspect.getsource(ts.layers.StitchOptions).splitlines()
+    for name in own:
+        (number,) = (index for index, line in enumerate(lines) if line.startswith(f"    {name}: "))
+        assert re.fullmatch(r"    #: \S.*\.", lines[number - 1]), name
 
 
 def test_keywords_of_motifs_are_those_of_recipes():

@@ -18,7 +18,7 @@ import numpy.typing as npt
 import scipy
 
 import toposeam as ts
-from toposeam.arrays import Bytes, Image, Mask
+from toposeam.arrays import Bytes, Floats, Image, Mask
 from toposeam.images import Windows, full_scale
 from toposeam.layers.canvas.largest_rectangle import largest_full
 from toposeam.layers.canvas.layer import Box
@@ -351,9 +351,16 @@ def _marks(composed: ts.layers.Composition) -> Bytes:
     for value, reach in ((1, 2 * radius), (2, radius)):
         for seam in composed.outlines:
             for path in seam.paths:
-                for x, y in (np.floor(path.outline).astype(int) - corner).tolist():
+                for x, y in (np.floor(_each_pixel(path.outline)).astype(int) - corner).tolist():
                     rows = slice(max(y - reach, 0), min(y + reach + 1, height))
                     columns = slice(max(x - reach, 0), min(x + reach + 1, width))
                     if rows.start < rows.stop and columns.start < columns.stop:
                         marks[rows, columns] = value
     return marks
+
+
+def _each_pixel(outline: Floats) -> Floats:
+    """(K, 2): points of a line at most 1 px apart in x and in y, its ends among them."""
+    along = np.append(0.0, np.cumsum(np.abs(np.diff(outline, axis=0)).max(axis=1)))
+    at = np.append(np.arange(along[-1]), along[-1])
+    return np.column_stack([np.interp(at, along, outline[:, axis]) for axis in (0, 1)])

@@ -1,7 +1,6 @@
 """``toposeam stitch``: where B lies, how the seam is found, and the seam as a path."""
 
 import dataclasses
-import json
 
 import numpy as np
 import pytest
@@ -9,9 +8,10 @@ import tifffile
 from PIL import Image
 
 import toposeam as ts
-from stitching import STRIP, assert_joined, shown
+from stitching import STRIP, assert_joined, shown, told
+from toposeam_cli.commands.stitch import stitch
 from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
-from toposeam_cli.stitching import search_options
+from toposeam_cli.stitching.search_options import SeamOptions
 
 #: Placements of B, which has the size of A, and what they make of the overlap.
 PLACEMENTS = {
@@ -155,7 +155,7 @@ def test_every_method_joins(folder, toposeam, method):
         pytest.importorskip("maxflow")
     ran = toposeam("stitch", *STRIP, "--method", method, "-o", "out.png", "--labels", "labels.png", "--json")
     assert (ran.code, ran.err) == (0, "")
-    assert json.loads(ran.out)["method"] == ("shortest-path" if method == "auto" else method)
+    assert told(ran)["seams"][0]["method"] == ("shortest-path" if method == "auto" else method)
     assert_joined("out.png", "labels.png", "a.png", "b.png", (36, 0))
 
 
@@ -197,7 +197,8 @@ def test_cost_chooses_the_law(folder, toposeam, photographs, law):
     ran = toposeam("stitch", *STRIP, "-o", "out.png", "--json", *([] if law is None else ["--cost", law]))
     layers = [ts.Layer(image=photographs[0]), ts.Layer(image=photographs[1], at=(36, 0))]
     stitched = ts.stitch(layers, cost=ts.seam.MatchCost(law=law or "natural"))
-    assert json.loads(ran.out)["cost"] == stitched.seams[0].cost
+    facts = told(ran)
+    assert facts["cost"] == facts["seams"][0]["cost"] == stitched.seams[0].cost
     np.testing.assert_array_equal(read_picture("out.png").pixels, stitched.image)
 
 
@@ -271,7 +272,7 @@ def test_a_hand_drawn_line_is_followed(folder, toposeam):
         'fill="none"/></svg>'
     )
     line = ("stitch", *STRIP, "-o", "out.png", "--use-seam", "hand.svg", "--labels", "labels.png", "--json")
-    facts = json.loads(toposeam(*line).out)
+    (facts,) = told(toposeam(*line))["seams"]
     expected = np.zeros((40, 92), bool)
     expected[:20, 44:] = expected[20:, 50:] = True
     np.testing.assert_array_equal(shown("labels.png"), expected)
@@ -292,9 +293,19 @@ def test_one_command_may_write_back_to_the_path_it_uses(folder, toposeam):
 
 
 def test_what_is_handed_on_by_name_is_an_option_of_stitch():
+    """Of the command's options those that core has are handed on, none is lost, and none has two homes."""
     own, there = (
-        {field.name for field in dataclasses.fields(kind)}
-        for kind in (search_options.SeamOptions, ts.layers.StitchOptions)
+        {field.name for field in dataclasses.fields(kind)} for kind in (SeamOptions, ts.layers.StitchOptions)
     )
-    assert own - search_options._NO_KEYWORDS <= there
-    assert own >= search_options._NO_KEYWORDS
+    own.remove("stitch")
+    assert own & there == {"avoid"}, "here a file, there what it shows"
+    given = {parameter.name: parameter.name for parameter in stitch.params}
+    options = set(given)
+    found = SeamOptions.taken(given)
+    assert set(found.stitch) == (options & there) - own
+    known = {"method", "effort", "blend", "blend_width", "match_tones", "give", "core", "wrap"}
+    assert known <= set(found.stitch)
+    assert own <= options
+    assert set(given) == options - own - there
+    assert found.with_stitch(wrap=9).of_stitch("wrap") == 9
+    assert found.of_stitch("nothing") is None

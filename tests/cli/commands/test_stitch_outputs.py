@@ -1,13 +1,12 @@
 """``toposeam stitch``: what it writes besides the picture, and what it tells."""
 
-import json
 import re
 
 import numpy as np
 import pytest
 
 import toposeam as ts
-from stitching import STRIP, assert_joined, names, shown
+from stitching import STRIP, assert_joined, names, shown, told
 from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
 
 
@@ -108,8 +107,9 @@ def test_json_tells_what_was_found(folder, toposeam, method):
     if method == "graph-cut":
         pytest.importorskip("maxflow")
     ran = toposeam("stitch", *STRIP, "--method", method, "-o", "out.png", "--json")
-    facts = json.loads(ran.out)
+    (facts,) = told(ran)["seams"]
     assert set(facts) == {
+        "between",
         "method",
         "cost",
         "bound",
@@ -121,7 +121,13 @@ def test_json_tells_what_was_found(folder, toposeam, method):
         "paths",
         "length_px",
         "seconds",
-    } | (set() if method == "thesis" else {"likeness", "worst_likeness", "look_at"})
+        "likeness",
+        "worst_likeness",
+        "look_at",
+    }
+    assert facts["between"] == ["a.png", "b.png"]
+    judged = [facts[name] is not None for name in ("likeness", "worst_likeness")]
+    assert judged == [method != "thesis"] * 2
     assert facts["ratio"] == pytest.approx(facts["cost"] / facts["optimum"])
     assert facts["ratio"] >= 1 - 1e-6  # single precision costs, added up in another order
     assert facts["seconds"] > 0

@@ -100,7 +100,7 @@ def test_everything_that_can_be_asked_is_done_by_workers(
         assert ran.code == 0, ran
     assert (six / "out1.tif").read_bytes() == (six / "out2.tif").read_bytes()
     parts = {record.args[0]: record.args[1] for record in caplog.records if record.levelname == "DEBUG"}
-    assert {*does, "_painted"} <= parts.keys()
+    assert {*does, "_rendered"} <= parts.keys()
     assert not [name for name in names(six) if name.endswith(".part")]
 
 

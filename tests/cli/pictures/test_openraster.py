@@ -238,7 +238,7 @@ def test_an_openraster_file_stands_alone(three, toposeam):
 
 
 def test_a_later_output_that_fails_takes_the_earlier_ones_back(three, toposeam, monkeypatch):
-    from toposeam_cli.stitching import outputs as module
+    from toposeam_cli.stitching import rendering as module
 
     def fail(*arguments):
         raise OSError(28, "No space left on device")

@@ -295,7 +295,7 @@ def test_reduce_applies_the_kernel_of_burt_and_adelson():
 
 @pytest.mark.parametrize("together", [1, 1600, 1 << 19])
 def test_planes_are_resized_alike_singly_and_in_batches(monkeypatch, together):
-    monkeypatch.setattr(pyramid, "_TOGETHER", together)
+    monkeypatch.setattr(pyramid, "_PIXELS_TOGETHER", together)
     planes = np.random.default_rng(1).random((5, 16, 24)).astype(np.float32)
     for resized in (reduce, expand):
         alone = np.concatenate([resized(plane[np.newaxis]) for plane in planes])

@@ -1,8 +1,8 @@
-"""Pictures that wait in files, and results made window by window: the same as in memory."""
+"""Pictures that wait in files, and results rendered window by window: the same as in memory."""
 
 import errno
-import json
 import os
+import re
 from threading import Event
 
 import numpy as np
@@ -11,9 +11,9 @@ import pyvips
 from three_pictures import AT, FILES, crop
 
 import toposeam as ts
-from stitching import PROFILE, names
+from stitching import PROFILE, names, told
 from toposeam.layers.canvas import tile_map as maps
-from toposeam.layers.composite import composition
+from toposeam.layers.composite import composition, painter
 from toposeam.layers.labelling import pair_cost
 from toposeam.layers.search import cost_coarsening as reduction
 from toposeam_cli.files import scratch
@@ -22,7 +22,7 @@ from toposeam_cli.media.pictures import picture as picture_files
 from toposeam_cli.media.pictures import stored as stored_pictures
 from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
 from toposeam_cli.stitching import inputs as placing
-from toposeam_cli.stitching import windowed_output as large
+from toposeam_cli.stitching import rendering
 
 
 @pytest.fixture
@@ -35,8 +35,9 @@ def stored(monkeypatch):
     for module, name, value in (
         (maps, "DENSE_PIXELS", 0),
         (maps, "TILE", 16),
-        (composition, "BLOCK", 64),
-        (large, "BLOCK", 32),
+        (painter, "BLOCK", 64),
+        (composition, "BLOCK", 32),
+        (rendering, "BLOCK", 32),
         (pair_cost, "KEPT_PIXELS", 500),
         (reduction, "KEPT_TOGETHER", 500),
     ):
@@ -66,7 +67,7 @@ def test_what_is_written_is_what_it_is_in_memory(three, toposeam, options, monke
     pictures = {name: read_picture(name) for name in outputs[:2]}
     overlay = read_picture("o.png")
     request.getfixturevalue("stored")
-    monkeypatch.setattr("toposeam_cli.commands.stitch.ts_stitched", None)  # nothing is made at once
+    monkeypatch.setattr(ts.layers.Composition, "_picture", None)  # nothing is painted at once
     ran = toposeam(*words, "--seam", "s.svg", "--force")
     assert ran.code == 0, ran
     for name, picture in pictures.items():
@@ -82,37 +83,35 @@ def test_what_is_written_is_what_it_is_in_memory(three, toposeam, options, monke
     assert seams.names == seams_before.names
     for line, other in zip(seams.polylines, seams_before.polylines, strict=True):
         np.testing.assert_array_equal(line.points, other.points)
-    drawn = read_picture("o.png").pixels
-    assert drawn.shape == overlay.pixels.shape
-    assert (drawn == (230, 30, 40)).all(axis=2).any()
+    np.testing.assert_array_equal(read_picture("o.png").pixels, overlay.pixels)
+    assert (overlay.pixels == (230, 30, 40)).all(axis=2).any()
     assert names(three) == names_before
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "reason"),
     [
         ("--offset 40,4 --blend soft --blend-width 20", "has no width"),
         ("c.png --at 0,0 --at 40,4 --at 40000,40000", "megapixels"),
     ],
 )
-def test_what_is_refused_is_so_before_tones_match(three, toposeam, stored, monkeypatch, options, told):
-    monkeypatch.setattr("toposeam_cli.commands.stitch.toned_layers", None)
+def test_what_is_refused_is_so_before_tones_match(three, toposeam, stored, monkeypatch, options, reason):
+    monkeypatch.setattr("toposeam_cli.stitching.joining.toned_layers", None)
     before = names(three)
     words = ["stitch", "a.png", "b.png", "-o", "out.tif", "--match-tones"]
-    toposeam(*words, *options.split()).fails(told)
+    toposeam(*words, *options.split()).fails(reason)
     assert names(three) == before
 
 
 def test_two_pictures_and_what_is_told(three, toposeam, stored):
     words = ["a.png", "b.png", "--offset", "40,4", "-o", "out.tif", "--labels", "l.png"]
-    ran = toposeam("stitch", *words, "--json")
-    assert ran.code == 0, ran
-    told = json.loads(ran.out)
-    assert [layer["at"] for layer in told["layers"]] == [[0, 0], [40, 4]]
-    assert sum(layer["shown_px"] for layer in told["layers"]) == (read_picture("out.tif").alpha > 0).sum()
-    assert told["seams"][0]["between"] == ["a.png", "b.png"]
-    assert told["seams"][0]["cost"] == pytest.approx(told["cost"])
-    assert "2 layers, 1 seam of" in toposeam("stitch", *words, "--force").out
+    facts = told(toposeam("stitch", *words, "--json"))
+    assert [layer["at"] for layer in facts["layers"]] == [[0, 0], [40, 4]]
+    assert sum(layer["shown_px"] for layer in facts["layers"]) == (read_picture("out.tif").alpha > 0).sum()
+    assert facts["seams"][0]["between"] == ["a.png", "b.png"]
+    assert facts["seams"][0]["cost"] == pytest.approx(facts["cost"])
+    line = toposeam("stitch", *words, "--force").out
+    assert re.fullmatch(r"out\.tif: 100 × 54 px, seam of \d+ px by \S+, cost [\d.]+, \d\.\d\d s: .+\n", line)
 
 
 def test_depths_profiles_and_gray_are_matched(three, toposeam, stored, monkeypatch):
@@ -208,34 +207,35 @@ ROW = ["stitch", "a.png", "b.png", "--offset", "40,0"]
 
 def waited_for(monkeypatch):
     """After the first window no other is painted before somebody has begun to write the picture."""
-    begun, painted, real = Event(), [], large._painted
+    begun, painted, real = Event(), [], composition._painted
 
     def write(*arguments):
         begun.set()
         return compose(*arguments)
 
-    def paint(window):
+    def paint(whole, box):
         if painted:
             assert begun.wait(60)
-        painted.append(window.box)
-        return real(window)
+        painted.append(box)
+        return real(whole, box)
 
-    compose = large.write_composite
-    monkeypatch.setattr(large, "write_composite", write)
-    monkeypatch.setattr(large, "_painted", paint)
+    compose = rendering.write_composite
+    monkeypatch.setattr(rendering, "write_composite", write)
+    monkeypatch.setattr(composition, "_painted", paint)
     return painted
 
 
 @pytest.mark.parametrize("output", ["out.tif", "out.png", "out.jpg", "out.webp", "out.dzi", "holes.tif"])
 def test_the_picture_is_written_while_it_is_painted(three, toposeam, monkeypatch, stored, output):
     words = [*ROW, "-o", output] if output != "holes.tif" else ["stitch", *FILES, *AT, "-o", output]
-    monkeypatch.setattr(large, "_known_full", lambda _: None)  # it is not before all is painted
+    monkeypatch.setattr(rendering, "_known_full", lambda _: None)  # it is not before all is painted
     assert toposeam(*words).code == 0
     before = {path: path.read_bytes() for path in three.rglob("*") if path.is_file()}
     monkeypatch.undo()
     monkeypatch.chdir(three)
     monkeypatch.setattr(placing, "STORED_PIXELS", 0)
-    monkeypatch.setattr(large, "BLOCK", 32)
+    monkeypatch.setattr(composition, "BLOCK", 32)
+    monkeypatch.setattr(rendering, "BLOCK", 32)
     monkeypatch.setattr("toposeam_cli.commands.stitch.processes_of", lambda _: 1)
     painted = waited_for(monkeypatch)
     assert toposeam(*words, "--force").code == 0
@@ -246,7 +246,7 @@ def test_the_picture_is_written_while_it_is_painted(three, toposeam, monkeypatch
 @pytest.mark.parametrize("fails", ["painting", "writing"])
 def test_what_fails_while_the_picture_is_written_leaves_nothing(three, toposeam, monkeypatch, stored, fails):
     before = names(three)
-    painted, paint = waited_for(monkeypatch), large._painted
+    painted, paint = waited_for(monkeypatch), composition._painted
 
     def failing(*_):
         raise ts.ImageError("it is broken")
@@ -254,7 +254,7 @@ def test_what_fails_while_the_picture_is_written_leaves_nothing(three, toposeam,
     if fails == "writing":
         monkeypatch.setattr(picture_files, "vips_image", failing)
     else:
-        monkeypatch.setattr(large, "_painted", lambda window: failing() if painted else paint(window))
+        monkeypatch.setattr(composition, "_painted", lambda *box: failing() if painted else paint(*box))
     toposeam(*ROW, "-o", "out.tif").fails("it is broken")
     assert names(three) == before
 

@@ -1,6 +1,6 @@
 """Types of arguments, for annotations: ``def join(method: ts.typing.Method)``."""
 
-from toposeam.layers.blending.mixing import Blend
+from toposeam.layers.blending.blend import Blend
 from toposeam.seam.find import Method
 from toposeam.seam.problem.match_cost import Law
 from toposeam.seam.problem.overlap import Side

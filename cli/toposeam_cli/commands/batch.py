@@ -182,7 +182,7 @@ def _job(entry: Entry, settings: Mapping[str, Any], name: str | None, found: str
 def _named_in(path: Path) -> tuple[Path, ...]:
     """Return the files that a layout names."""
     if path.suffix.lower() in (".toml", ".json", ".pto"):
-        from toposeam_cli.stitching.inputs import layout_in
+        from toposeam_cli.media.layouts.any_layout import layout_in
 
         with suppress(TopoSeamError):  # another kind of file, or its job reports what is wrong with it
             return tuple(

@@ -14,21 +14,16 @@ import numpy.typing as npt
 
 import toposeam as ts
 from toposeam.images import full_scale
-from toposeam.layers.canvas.canvas import extent_of
 from toposeam.layers.canvas.transforms import CameraTransform, Transform, is_move, similarity
 from toposeam.layers.execution.tasks import Executor, results
 from toposeam.layers.registration.find_places import PlaceOptions, among, found_places
 from toposeam_cli.app.options import Keyed
 from toposeam_cli.files.regular import check_pattern
 from toposeam_cli.files.scratch import Scratch
-from toposeam_cli.media.layouts.hugin_project import ProjectPicture, project_text, read_project
-from toposeam_cli.media.layouts.layout import Layout, LayoutLayer, layout_text, read_layout
 from toposeam_cli.media.pictures.decode import check_together, size_of
 from toposeam_cli.media.pictures.lens import exposure, focal_length, in_pixels, is_fisheye, noted
 from toposeam_cli.media.pictures.masks import read_white
-from toposeam_cli.media.pictures.openraster import read_ora
 from toposeam_cli.media.pictures.picture import Picture, match_pictures, read_picture
-from toposeam_cli.media.pictures.stored import read_stored, store
 from toposeam_cli.stitching.positions import Where, places_of
 from toposeam_cli.stitching.resample import placed_layers
 
@@ -196,6 +191,8 @@ def _read(item: tuple[Path, int, Path | None]) -> Picture | ts.ImageError:
     path, limit, waits = item
     try:
         if waits is not None:
+            from toposeam_cli.media.pictures.stored import read_stored
+
             return read_stored(path, limit, waits)
         picture = read_picture(path, max_pixels=limit)
     except ts.ImageError as error:
@@ -236,8 +233,12 @@ def arrange(
         If two pictures share no pixel.
     """
     limit = round(max_megapixels * 1e6)
-    kept = scratch if scratch is not None and (stores or _has_many_pixels(files)) else None
-    keep = None if kept is None else partial(store, scratch=kept)
+    kept = scratch if scratch is not None and (stores or has_many_pixels(files)) else None
+    keep = None
+    if kept is not None:
+        from toposeam_cli.media.pictures.stored import store
+
+        keep = partial(store, scratch=kept)
     reading = _Reading(limit=limit, scratch=kept, skips=skip_bad, executor=executor, elsewhere=stores)
     sources, wrap = _sources(files, where, reading, 1 if alone else 2)
     pictures = match_pictures([source.picture for source in sources], keep)
@@ -368,11 +369,13 @@ def _finding_options(
     return replace(options, focal=float(np.median(known)), about=True)
 
 
-def _has_many_pixels(files: Sequence[Path]) -> bool:
+def has_many_pixels(files: Sequence[Path]) -> bool:
     """Test whether the pictures have too many pixels for memory."""
     if len(files) == 1 and files[0].suffix.lower() == ".ora":
         return False
     if len(files) == 1 and files[0].suffix.lower() in _LAYOUTS:
+        from toposeam_cli.media.layouts.any_layout import layout_in
+
         files = [layer.file for layer in layout_in(files[0]).layers]
     total = 0
     for path in files:
@@ -411,61 +414,6 @@ def _masked(
     ]
 
 
-def saved_layout(job: PlacedPictures, path: Path) -> str:
-    """Return the places of the pictures as the text of a layout, or of a Hugin project, for that file.
-
-    Raises
-    ------
-    OptionError
-        When they are no files of their own.
-    """
-    if len(job.files) != len(job.layers):
-        raise ts.OptionError("--save-layout names files, but layers of an .ora file have none; leave it out")
-    if path.suffix.lower() == ".pto":
-        return _project(job, path.parent)
-    layers = [
-        LayoutLayer(file=file, name=layer.name, transform=transform)
-        if job.warped(index)
-        else LayoutLayer(file=file, name=layer.name, transform=similarity(layer.at))
-        for index, (file, layer, transform) in enumerate(
-            zip(job.files, job.layers, job.transforms, strict=True)
-        )
-    ]
-    return layout_text(path.parent, Layout(layers=tuple(layers), wrap=job.wrap))
-
-
-def _project(job: PlacedPictures, folder: Path) -> str:
-    """Return the cameras of the pictures as the text of a Hugin project in that folder."""
-    cameras = [one for one in job.transforms if isinstance(one, CameraTransform)]
-    if len(cameras) < len(job.layers):
-        raise ts.OptionError(
-            "a Hugin project is of pictures that one camera took from one place, and these are placed "
-            "otherwise; save a layout (.toml) instead, or add --model rotation"
-        )
-    canvas = extent_of(job.layers)
-    (left, top), (height, width) = canvas.origin, canvas.shape
-    size = 2 * max(-left, left + width), 2 * max(-top, top + height)
-    if job.wrap is not None:
-        size = job.wrap, size[1]
-    pictures = [
-        ProjectPicture(file=file, size=camera.size, transform=camera)
-        for file, camera in zip(job.files, cameras, strict=True)
-    ]
-    return project_text(folder, pictures, cameras[0].projection, size, cameras[0].radius)
-
-
-def layout_in(path: Path) -> Layout:
-    """Read our own layout, or a project of Hugin."""
-    if path.suffix.lower() != ".pto":
-        return read_layout(path)
-    project = read_project(path)
-    layers = tuple(
-        LayoutLayer(file=picture.file, name=picture.file.name, transform=picture.transform)
-        for picture in project.pictures
-    )
-    return Layout(layers=layers, wrap=project.size[0] if project.whole_turn else None)
-
-
 def read_avoid(path: Path, shape: tuple[int, int], max_megapixels: float) -> npt.NDArray[np.bool_]:
     """Read the mask that seams must avoid: the white pixels of a picture of the canvas's size."""
     return read_white(path, shape, "the canvas", round(max_megapixels * 1e6))
@@ -487,12 +435,16 @@ def _sources(
                 f"'{files[0]}' says itself where its pictures lie; leave --at, --offset and --overlap out"
             )
         if kind == ".ora":
+            from toposeam_cli.media.pictures.openraster import read_ora
+
             wrap = None
             sources = [
                 _Source(picture=layer.picture, name=layer.name, transform=similarity(layer.at))
                 for layer in read_ora(files[0], reading.limit)
             ]
         else:
+            from toposeam_cli.media.layouts.any_layout import layout_in
+
             layout = layout_in(files[0])
             placed, wrap = layout.layers, layout.wrap
             read = reading.read([layer.file for layer in placed], [layer.name for layer in placed])

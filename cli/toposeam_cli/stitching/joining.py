@@ -26,7 +26,7 @@ def join(
     """
     given = _keywords(job, find, out)
     layers: Sequence[ts.Layer] = job.layers
-    if job.stored and (given["match_tones"] or given["match_shading"]):
+    if job.stored and means.store is not None and (given["match_tones"] or given["match_shading"]):
         # Invalid options are refused before the pixels are read.
         ts.layers.StitchOptions.of(given)
         ts.layers.common_canvas(layers, max_megapixels=given["max_megapixels"])

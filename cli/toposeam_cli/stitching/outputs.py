@@ -13,8 +13,10 @@ import numpy as np
 import numpy.typing as npt
 
 import toposeam as ts
+from toposeam.arrays import Mask
 from toposeam.images import full_scale
 from toposeam.layers.canvas.canvas import extent_of
+from toposeam.layers.canvas.largest_rectangle import largest_full
 from toposeam.layers.canvas.layer import Box
 from toposeam.layers.canvas.tile_map import all_of, any_of, blocks, cover_of, new_map
 from toposeam_cli.app.command import option
@@ -257,3 +259,17 @@ def _opaque(layers: Sequence[ts.Layer]) -> npt.NDArray[np.bool_]:
             at = box.moved(*place[:2]).slices
             opaque[at] = opaque[at] | here
     return opaque
+
+
+def largest_opaque(opaque: Mask, out: Outputs) -> Box:
+    """Return the largest rectangle in which all pixels are opaque.
+
+    Raises
+    ------
+    ImageError
+        If there is none.
+    """
+    box = largest_full(opaque)
+    if box is None:
+        raise ts.ImageError(f"'{out.output}' cannot be cropped: no pixel is opaque; use .png or .tif")
+    return box

@@ -16,7 +16,7 @@ import toposeam as ts
 from toposeam.layers.execution.tasks import Executor
 from toposeam.seam.result.verdict import Verdict
 from toposeam.sentence import counted
-from toposeam_cli.stitching.inputs import PlacedPictures, saved_layout
+from toposeam_cli.stitching.inputs import PlacedPictures
 from toposeam_cli.stitching.outputs import Outputs
 from toposeam_cli.stitching.placement_report import best_correlation, describe_placement, placement_summary
 from toposeam_cli.stitching.rendering import Rendered
@@ -156,6 +156,8 @@ def documents_of(
 
         documents.append((out.history, draw_search(composed.seams[0], out.history.suffix)))
     if out.save_layout is not None:
+        from toposeam_cli.stitching.saved_layout import saved_layout
+
         documents.append((out.save_layout, saved_layout(job, out.save_layout).encode()))
     if out.report is not None:
         from toposeam_cli.stitching.seam_page import seam_page

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 import click
 
@@ -17,10 +17,11 @@ from toposeam.layers.search.options import Effort
 from toposeam_cli.app.command import option
 from toposeam_cli.app.options import FiniteRange, Keyed, KeyedFile
 from toposeam_cli.figures.search import check_search
-from toposeam_cli.files.scratch import Scratch, scratch
-from toposeam_cli.jobs.crew import crew
-from toposeam_cli.stitching.inputs import PlacedPictures
+from toposeam_cli.stitching.inputs import PlacedPictures, has_many_pixels
 from toposeam_cli.stitching.outputs import Outputs
+
+if TYPE_CHECKING:
+    from toposeam_cli.files.scratch import Scratch
 
 #: Below this correlation two pictures hardly show the same.
 _STRANGE = 0.1
@@ -149,7 +150,8 @@ def shared_work(command: Callable[..., Any]) -> Callable[..., Any]:
 class Means:
     """Storage of waiting pixels, and the executor of parallel work."""
 
-    store: Scratch
+    #: None where all pixels stay in memory.
+    store: Scratch | None
     workers: Executor | None
     #: Whether pixels wait in files however few they are.
     stores: bool
@@ -164,6 +166,12 @@ def means_of(folder: Path, files: Sequence[Path], processes: int, dask: str | No
     OptionError
         When there is no such cluster, or its workers do not see the files.
     """
+    if dask is None and not has_many_pixels(files):
+        yield Means(None, None, False)
+        return
+    from toposeam_cli.files.scratch import scratch
+    from toposeam_cli.jobs.crew import crew
+
     with scratch(folder) as store, crew(processes, dask, store) as workers:
         if dask is not None and workers is not None:
             workers.check(store.new(), files)

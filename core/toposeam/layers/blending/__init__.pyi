@@ -1,5 +1,4 @@
-from .blend import BLENDS, Blender, blending_of
-from .mixing import Blend, Blending, Fading
+from .blend import BLENDS, Blend, Blender, Blending, Fading, blending_of
 
 __all__ = [
     "BLENDS",

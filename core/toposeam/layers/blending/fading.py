@@ -9,7 +9,7 @@ import scipy
 
 from toposeam.arrays import Floats32, Labels, Mask
 from toposeam.images import full_scale
-from toposeam.layers.blending.mixing import SETTLED, Blending, Fading, Mix, channels_of, planes_of
+from toposeam.layers.blending.blend import SETTLED, Blending, Fading, Mix, channels_of, planes_of
 from toposeam.layers.canvas.canvas import Canvas
 from toposeam.layers.canvas.layer import Box, cut
 

@@ -25,7 +25,7 @@ import numpy.typing as npt
 from toposeam.arrays import Floats, Image, Labels, Mask
 from toposeam.heat.poisson import add_steps, spread, spread_within
 from toposeam.images import box_of, in_dtype
-from toposeam.layers.blending.mixing import Blending
+from toposeam.layers.blending.blend import Blending
 from toposeam.layers.canvas.canvas import Canvas
 from toposeam.layers.canvas.layer import Box, Layer
 from toposeam.layers.canvas.tile_map import dense

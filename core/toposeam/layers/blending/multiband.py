@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from toposeam.arrays import Floats32, Labels, Mask
-from toposeam.layers.blending.mixing import SETTLED, Blending, Fading, Mix, channels_of, planes_of
+from toposeam.layers.blending.blend import SETTLED, Blending, Fading, Mix, channels_of, planes_of
 from toposeam.layers.canvas.canvas import Canvas
 from toposeam.layers.canvas.layer import Box
 from toposeam.seam.problem.pyramid import expand, expand_part, gaussian, in_runs, reduce

@@ -1,9 +1,8 @@
 from .border_bands import full_within, rim, rimmed
-from .canvas import Canvas, common_canvas, extent_of
+from .canvas import Canvas, channel_count, common_canvas, extent_of, paint
 from .cylinder import Turned, narrowed, turned, turned_map
 from .largest_rectangle import largest_full
 from .layer import MAX_MEGAPIXELS, Box, Layer, as_layers, check_layers, cut
-from .painting import channel_count, paint
 from .resampling import placed
 from .side_by_side import overlapping
 from .tile_map import (

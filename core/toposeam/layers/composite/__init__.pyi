@@ -1,9 +1,10 @@
 from .composition import WINDOW_BLOCKS, Composition
 from .options import MOST_BENT, StitchOptions
 from .restitch import restitch
+from .seams import SeamOutline
 from .sinks import ArraySink, Sink
 from .stitch import composed_of_masks, stitch
-from .summary import SeamOutline, pair_name, seams_svg
+from .summary import pair_name, seams_svg
 
 __all__ = [
     "MOST_BENT",

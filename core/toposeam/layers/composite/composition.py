@@ -7,28 +7,29 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from toposeam.arrays import Image, Labels, Mask
 from toposeam.images import full_scale
-from toposeam.layers.blending.mixing import Blending, Fading
-from toposeam.layers.canvas.canvas import Canvas
+from toposeam.layers.blending.blend import Blending, Fading
+from toposeam.layers.canvas.canvas import Canvas, channel_count
 from toposeam.layers.canvas.layer import Box, Layer, cut
-from toposeam.layers.canvas.painting import channel_count
 from toposeam.layers.canvas.tile_map import BLOCK, blocks, dense, uniform
 from toposeam.layers.composite.painter import Painter
-from toposeam.layers.composite.seams import SeamFigures, Seams
+from toposeam.layers.composite.seams import KnownSeams, SeamFigures, SeamOutline
 from toposeam.layers.composite.sinks import Sink
-from toposeam.layers.composite.summary import SeamOutline, seams_svg, summary_of
 from toposeam.layers.execution.tasks import Executor, results
 from toposeam.layers.labelling.label_map import LabelMap, Pair
-from toposeam.layers.labelling.problem import Labelling
 from toposeam.picture_files import PictureResult
 from toposeam.seam.result.seam import Seam
 from toposeam.seam.result.verdict import Verdict, worst_of
 from toposeam.sentence import counted
+
+if TYPE_CHECKING:
+    from toposeam.layers.composite.seams_of_map import SeamsOfMap
+    from toposeam.layers.labelling.problem import Labelling
 
 #: Width of a rendered window, in blocks of 1024 px; it is one block high.
 WINDOW_BLOCKS = 4
@@ -58,7 +59,7 @@ class Composition(PictureResult):
     blending: Blending
     #: The largest displacement by which layers were bent to meet at the seams, px.
     bent: float = 0.0
-    _seams: Seams
+    _seams: KnownSeams | SeamsOfMap
     #: The box of the canvas that the picture shows; it may reach beyond the canvas. None for all of it.
     _view: Box | None = None
 
@@ -227,6 +228,8 @@ class Composition(PictureResult):
             Whether to compute the least possible cost of each seam, which can take longer than finding the
             seams; otherwise these entries are None.
         """
+        from toposeam.layers.composite.summary import summary_of
+
         return summary_of(self, optima=optima)
 
     def to_svg(self, path: str | Path | None = None) -> str:
@@ -238,6 +241,8 @@ class Composition(PictureResult):
         path : str or Path, optional
             Also write the document there (an existing file is replaced).
         """
+        from toposeam.layers.composite.summary import seams_svg
+
         text = seams_svg(self.outlines, self.names, self.canvas.shape, self.rounds)
         if path is not None:
             from toposeam.saving import save

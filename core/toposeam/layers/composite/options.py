@@ -10,19 +10,22 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 import numpy.typing as npt
 
+from toposeam.arrays import Labels, Mask
 from toposeam.checks import check_choice, check_function, check_number, check_whole
 from toposeam.errors import OptionError, Term
-from toposeam.layers.blending.blend import blending_of
-from toposeam.layers.blending.mixing import Blend, Blending
+from toposeam.layers.blending.blend import Blend, Blending, blending_of
+from toposeam.layers.canvas.canvas import Canvas
 from toposeam.layers.canvas.layer import MAX_MEGAPIXELS
-from toposeam.layers.execution.tasks import Executor, check_executor
-from toposeam.layers.labelling.label_map import Pair
+from toposeam.layers.execution.tasks import Executor, Progressed, check_executor
+from toposeam.layers.labelling.label_map import LabelMap, Pair
 from toposeam.layers.search.options import Effort, SearchOptions, search_options
 from toposeam.seam.find import Method, method_for, method_options, usual_law
 from toposeam.seam.problem.match_cost import MatchCost, match_options
 from toposeam.seam.problem.overlap import check_core
 
 if TYPE_CHECKING:
+    from toposeam.layers.labelling.problem import Labelling
+    from toposeam.layers.search.problem import Problem
     from toposeam.seam.heat.method import HeatOptions
     from toposeam.seam.thesis.options import ThesisOptions
     from toposeam.vector.svg import SvgSeam
@@ -171,6 +174,68 @@ class StitchOptions:
         if match.reach is not None:
             return match
         return dataclasses.replace(match, reach=self.blending.reach)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SeamSearch:
+    """The options of a search for seams, with the defaults filled in for the number of layers."""
+
+    options: StitchOptions
+    method: Method
+    match: MatchCost
+    #: The method's own options, by name.
+    settings: Mapping[str, Any]
+    thorough: SearchOptions
+
+    @classmethod
+    def of(cls, options: StitchOptions, count: int) -> SeamSearch:
+        """Fill in the options that depend on the number of layers."""
+        method = options.method_of(count)
+        own = method_options(method, {}, options.options)
+        return cls(
+            options=options,
+            method=method,
+            match=options.match_of(method),
+            settings={} if own is None else dataclasses.asdict(own),
+            thorough=search_options(options.effort, count),
+        )
+
+    def problem(self, labelling: Labelling) -> Problem:
+        """Pose a labelling as a problem to be solved."""
+        from toposeam.layers.search.problem import Problem  # two layers need none
+
+        steps = Progressed(self.options.progress)
+        return Problem.of(labelling, self.method, self.settings, self.thorough, self.options.executor, steps)
+
+    def common(self, canvas: Canvas) -> dict[str, Any]:
+        """Return the options of :func:`toposeam.find_seam` that are the same for all pairs of layers."""
+        core, white = self.options.core, canvas.layers[0].data_range
+        kept = {} if core is None else {"core": core}
+        return {"cost": self.match, **kept, "speck": self.options.speck, "data_range": white}
+
+    def pose(self, canvas: Canvas, **more: Any) -> Labelling:
+        """Pose the labelling problem of a flat canvas."""
+        from toposeam.layers.labelling.posing import pose_labelling
+
+        options = self.options
+        return pose_labelling(canvas, core=options.core, speck=options.speck, match=self.match, **more)
+
+    def recut(
+        self, labelling: Labelling, label_map: LabelMap, opened: Mask, fixed: Labels | None = None
+    ) -> LabelMap:
+        """Search a part of a label map again, by the same method."""
+        from toposeam.layers.search.multilevel import recut
+
+        solver = self.problem(labelling).solver
+        return recut(labelling, label_map, opened, fixed, solver=solver, search=self.thorough)
+
+    def recorded(self) -> dict[str, Any]:
+        """Return the settings that are recorded with every seam."""
+        return {
+            "core": self.options.core,
+            "speck": self.options.speck,
+            **dataclasses.asdict(self.match),
+        }
 
 
 def with_signature(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:

@@ -9,19 +9,16 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, cast
 
 import numpy as np
 
 from toposeam.arrays import Image, Labels
 from toposeam.images import Windows, in_dtype
-from toposeam.layers.blending.blend import Blender
-from toposeam.layers.blending.mixing import Blending, Fading
-from toposeam.layers.canvas.canvas import Canvas
-from toposeam.layers.canvas.cylinder import turned_map
+from toposeam.layers.blending.blend import Blender, Blending, Fading
+from toposeam.layers.canvas.canvas import Canvas, paint
 from toposeam.layers.canvas.layer import Box, Layer
-from toposeam.layers.canvas.painting import paint
 from toposeam.layers.canvas.tile_map import BLOCK, blocks, part_of
 
 #: Width of the strip, px, in which the right end of a round canvas fades into its left end.
@@ -62,6 +59,8 @@ class Painter:
         period, begin = canvas.period, 0
         whole = canvas.cut_open()
         if period is not None and not blending.needs_whole:  # those handle a round canvas themselves
+            from toposeam.layers.canvas.cylinder import turned_map
+
             whole, begin = canvas.with_both_ends(), canvas.beyond
             labels = turned_map(labels, period, -begin, whole.shape[1])
 
@@ -129,7 +128,7 @@ class Painter:
             self,
             canvas=_part_of_canvas(canvas, boxes),
             labels=part_of(self.labels, *boxes),
-            fadings=_KnownFadings(fadings),
+            fadings=partial(tuple, fadings),
         )
 
     def _empty(self, box: Box) -> tuple[Image, Image]:
@@ -194,16 +193,6 @@ class Painter:
             image[tile.slices], alpha[tile.slices] = self._hard_cut(tile)
         self.blending.spread(self.canvas, self.labels, image, goes_round=self.goes_round)
         return image, alpha
-
-
-@dataclass(frozen=True, eq=False)
-class _KnownFadings:
-    """A function that returns label potentials that are known; unlike a closure it can be pickled."""
-
-    fadings: Sequence[Fading]
-
-    def __call__(self) -> Sequence[Fading]:
-        return self.fadings
 
 
 class _Blank(Windows):

@@ -13,14 +13,14 @@ from toposeam.arrays import Bytes, Labels, Mask
 from toposeam.checks import check_items
 from toposeam.errors import OptionError, PathError, Term
 from toposeam.images import as_mask
-from toposeam.layers.blending.blend import blending_of
-from toposeam.layers.blending.mixing import Blend
+from toposeam.layers.blending.blend import Blend, blending_of
 from toposeam.layers.canvas.canvas import Canvas, common_canvas
 from toposeam.layers.canvas.layer import MAX_MEGAPIXELS, Box, Layer, check_layers, cut
 from toposeam.layers.composite.composition import Composition
-from toposeam.layers.composite.label_maps import SeamSearch, check_alike, find_label_map, label_map_of_masks
-from toposeam.layers.composite.options import StitchOptions
-from toposeam.layers.composite.seams import Seams, SeamsOfMap
+from toposeam.layers.composite.label_maps import check_alike, find_label_map, label_map_of_masks
+from toposeam.layers.composite.options import SeamSearch, StitchOptions
+from toposeam.layers.composite.seams import KnownSeams
+from toposeam.layers.composite.seams_of_map import SeamsOfMap
 from toposeam.layers.composite.summary import pair_name
 from toposeam.layers.composite.two_layers import paths_by_pair
 from toposeam.layers.labelling.label_map import Pair
@@ -107,7 +107,7 @@ def restitch(
     shown = [as_mask(mask, canvas.shape, f"masks[{index}]") for index, mask in enumerate(masks)]
     drawings = paths_by_pair(paths, len(layers), "paths")
     search = SeamSearch.of(options, len(layers))
-    seams: Seams
+    seams: KnownSeams | SeamsOfMap
     if len(layers) == 2 and drawings:
         found, seams = find_label_map(_with_kept_pixel(canvas, drawings[0, 1]), search, drawings)
     else:

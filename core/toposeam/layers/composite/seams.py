@@ -1,64 +1,60 @@
-"""The seams of a composition: known, or computed from a label map on demand."""
+"""Seams of a composition that are known, and what stands for any: an outline, or figures only."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from toposeam.arrays import Labels
-from toposeam.images import box_of
-from toposeam.layers.canvas.layer import Box
-from toposeam.layers.canvas.tile_map import BLOCK, dense, part_of, several
-from toposeam.layers.execution.tasks import Executor, results
-from toposeam.layers.labelling.label_map import LabelMap, Pair
-from toposeam.layers.labelling.problem import Labelling, PairCost
-from toposeam.layers.search.two_label_band import costs_at
+from toposeam.layers.execution.tasks import Executor
+from toposeam.layers.labelling.label_map import Pair
 from toposeam.optimize.history import Termination
-from toposeam.seam.problem.seam_problem import blocked
 from toposeam.seam.result.seam import Seam
-from toposeam.seam.result.verdict import Verdict, verdict_of
+from toposeam.seam.result.verdict import Verdict
+from toposeam.vector.polyline import Polyline
 
-#: In an overlap of more pixels than _LARGE_OVERLAP, the problem of a seam is posed only on the box of the
-#: seam, grown by _SEAM_MARGIN px: the whole one would take too much memory.
-_LARGE_OVERLAP, _SEAM_MARGIN = 1 << 20, 8
-#: The interfaces to the right and below that begin in a block, which is read with one more row and column:
-#: their axis, and the slices of their two pixels.
-_INTERFACES: Any = (1, np.s_[:BLOCK, :-1], np.s_[:BLOCK, 1:]), (0, np.s_[:-1, :BLOCK], np.s_[1:, :BLOCK])
+if TYPE_CHECKING:
+    from toposeam.layers.labelling.problem import Labelling
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _SeamOnOverlap:
-    """Two layers, their match cost, and the labels on their overlap."""
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SeamOutline:
+    """The paths and figures of a seam, without the problem that it solves."""
 
     pair: Pair
-    cost: PairCost
-    canvas: Box
-    labels: Labels
+    paths: tuple[Polyline, ...]
+    cost: float
+    method: str
+    bound: float
+    stages: int
+    iterations: int
+    termination: Termination
+    seconds: float
+    settings: Mapping[str, Any]
+    verdict: Verdict | None = None
 
+    @classmethod
+    def of(cls, pair: Pair, seam: Seam) -> SeamOutline:
+        """Copy everything but the problem from the seam of a pair."""
+        return cls(
+            pair=pair,
+            paths=tuple(seam.paths),
+            cost=seam.cost,
+            method=seam.method,
+            bound=seam.bound,
+            stages=seam.history[-1].stage if seam.history else 0,
+            iterations=len(seam.history),
+            termination=seam.termination,
+            seconds=seam.seconds,
+            settings=seam.settings,
+            verdict=seam.verdict,
+        )
 
-def _measured(on_overlap: _SeamOnOverlap) -> tuple[int, float, Verdict]:
-    """Count the interfaces of a seam that cost something; return that length, their total cost, and the
-    verdict.
-    """
-    found = [(np.zeros(0, np.intp), np.zeros(0, np.intp))]
-    canvas = on_overlap.canvas
-    for block in several(on_overlap.labels, on_overlap.cost.box.shared(canvas), side=BLOCK):
-        labels = on_overlap.labels[block.slices]
-        first, second = (labels == k for k in on_overlap.pair)
-        for axis, s, t in _INTERFACES:
-            border = (first[s] & second[t]) | (second[s] & first[t])
-            rows, columns = np.divmod(np.flatnonzero(border), max(1, border.shape[1]))
-            at = (rows + block.top) * canvas.shape[1] + columns + block.left
-            found.append((at, np.full(len(at), axis)))
-    first_pixel, along = (np.concatenate(part) for part in zip(*found, strict=True))
-    costs = costs_at(on_overlap.cost, canvas, first_pixel, along)
-    dear = costs > 0
-    y, x = np.divmod(first_pixel[dear], canvas.shape[1])
-    return len(x), float(costs.sum()), verdict_of(costs[dear], x, y)
+    @property
+    def length(self) -> float:
+        """Total length of the paths, px."""
+        return sum(line.length for line in self.paths)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -70,28 +66,6 @@ class SeamFigures:
     cost: float
     #: The verdict; None unless the match cost follows the law "natural".
     verdict: Verdict | None
-
-
-class Seams(Protocol):
-    """The seams of a composition."""
-
-    @property
-    def pairs(self) -> Sequence[Pair]:
-        """The pair of layers that each seam divides, by number."""
-        ...
-
-    @property
-    def labelling(self) -> Labelling:
-        """The labelling problem whose solution has these seams."""
-        ...
-
-    def seam(self, pair: Pair, beside: bool = False) -> Seam:
-        """Return the seam between two layers; with `beside`, costs are needed only beside it."""
-        ...
-
-    def figures(self, executor: Executor | None = None) -> Mapping[Pair, SeamFigures]:
-        """Compute length, cost and verdict of all seams, one seam a task of the executor."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,98 +96,3 @@ class KnownSeams:
             pair: SeamFigures(length=seam.length, cost=seam.cost, verdict=seam.verdict)
             for pair, seam in self.known.items()
         }
-
-
-@dataclass(frozen=True, eq=False)
-class SeamsOfMap:
-    """The seams of a label map, each computed on demand."""
-
-    labelling: Labelling
-    label_map: LabelMap
-    #: Pairs whose seam was given, not searched.
-    given: Collection[Pair] = ()
-    #: Settings that are recorded with every seam.
-    common: Mapping[str, Any] = field(default_factory=dict)
-    _figures: dict[Pair, SeamFigures] = field(default_factory=dict)
-
-    @cached_property
-    def pairs(self) -> Sequence[Pair]:
-        """The pairs of layers that adjoin where both have pixels."""
-        adjoining = self.labelling.adjoining(self.label_map.labels)
-        return tuple(pair for pair in adjoining if pair in self.labelling.costs)
-
-    def seam(self, pair: Pair, beside: bool = False) -> Seam:
-        """Compute the seam between two layers of :attr:`pairs`.
-
-        Parameters
-        ----------
-        pair : (int, int)
-        beside : bool
-            Whether costs are needed only beside the seam.
-        """
-        label_map = self.label_map
-        labels = label_map.labels
-        posed = self.labelling.seam(labels, pair, within=self._seam_box(pair), beside=beside)
-        if posed is None:
-            raise ValueError(f"layers {pair[0]} and {pair[1]} have nothing in common")
-        shown = posed.labels == pair[1]
-        given = pair in self.given
-        heats = label_map.method in ("graph-cut", "heat")
-        return Seam(
-            _shown=shown,
-            _potential=None if heats else shown.astype(np.float32),
-            _only_b=lambda: dense(labels) == pair[1],
-            cost=posed.problem.cost(shown),
-            method="path" if given else label_map.method,
-            termination=Termination.GIVEN if given else Termination.DIRECT,
-            seconds=label_map.seconds / len(self.pairs),
-            settings={**self.common, **label_map.settings},
-            problem=posed.problem,
-        )
-
-    def check(self, executor: Executor | None = None) -> None:
-        """Refuse seams that cut a forbidden interface.
-
-        Raises
-        ------
-        OverlapError
-        """
-        forbidden = self.labelling.forbidden
-        if np.isfinite(forbidden) and any(one.cost >= forbidden for one in self.figures(executor).values()):
-            raise blocked()
-
-    def figures(self, executor: Executor | None = None) -> Mapping[Pair, SeamFigures]:
-        """Compute length, cost and verdict of all seams, without making the seams."""
-        if not self._figures:
-            items = (self._on_overlap(pair, executor is not None) for pair in self.pairs)
-            judged = self.common.get("law") == "natural"
-            for pair, (length, cost, verdict) in zip(
-                self.pairs, results(executor, _measured, items), strict=True
-            ):
-                self._figures[pair] = SeamFigures(
-                    length=length, cost=cost, verdict=verdict if judged else None
-                )
-        return self._figures
-
-    def _on_overlap(self, pair: Pair, apart: bool) -> _SeamOnOverlap:
-        """Collect what :func:`_measured` needs of a pair; with `apart`, cut out for another process."""
-        cost, labels = self.labelling.costs[pair], self.label_map.labels
-        if apart:
-            cost, labels = cost.part(cost.box, {}), part_of(labels, cost.box)
-        return _SeamOnOverlap(pair, cost, self.labelling.canvas, labels)
-
-    def _seam_box(self, pair: Pair) -> Box | None:
-        """Return the box of a seam and a margin on a large overlap; None if the whole overlap is used."""
-        cost = self.labelling.costs.get(pair)
-        if cost is None or cost.box.shape[0] * cost.box.shape[1] <= _LARGE_OVERLAP:
-            return None
-        inside = cost.box.shared(self.labelling.canvas)
-        labels = self.label_map.labels[inside.slices]
-        first, second = labels == pair[0], labels == pair[1]
-        beside = np.zeros(labels.shape, bool)
-        beside[:, 1:] |= (first[:, 1:] & second[:, :-1]) | (second[:, 1:] & first[:, :-1])
-        beside[1:] |= (first[1:] & second[:-1]) | (second[1:] & first[:-1])
-        if not beside.any():
-            return None
-        rows, columns = box_of(beside)
-        return Box(rows.start, columns.start, rows.stop, columns.stop).moved(*inside[:2]).grown(_SEAM_MARGIN)

@@ -9,21 +9,14 @@ from typing import Any
 
 import numpy.typing as npt
 
-from toposeam.layers.blending.blend import blending_of
-from toposeam.layers.blending.mixing import Blend
+from toposeam.layers.blending.blend import Blend, blending_of
 from toposeam.layers.canvas.canvas import Canvas, common_canvas
 from toposeam.layers.canvas.layer import Layer, as_layers, check_layers
 from toposeam.layers.composite.composition import Composition
-from toposeam.layers.composite.label_maps import (
-    SeamSearch,
-    check_alike,
-    find_label_map,
-    label_map_of_masks,
-)
-from toposeam.layers.composite.options import StitchOptions, with_signature
+from toposeam.layers.composite.label_maps import check_alike, find_label_map, label_map_of_masks
+from toposeam.layers.composite.options import SeamSearch, StitchOptions, with_signature
 from toposeam.layers.composite.seams import KnownSeams
 from toposeam.layers.composite.two_layers import paths_by_pair
-from toposeam.layers.labelling.posing import pose_labelling
 
 
 @with_signature
@@ -153,5 +146,5 @@ def composed_of_masks(
         canvas=canvas,
         solution=label_map_of_masks(canvas, masks),
         blending=blending_of(blend, blend_width),
-        _seams=KnownSeams({}, lambda: pose_labelling(canvas.cut_open())),
+        _seams=KnownSeams({}, lambda: SeamSearch.of(StitchOptions(), len(layers)).pose(canvas.cut_open())),
     )

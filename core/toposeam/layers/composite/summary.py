@@ -25,17 +25,10 @@ in px; None stands for what is not known.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Protocol
+from collections.abc import Sequence
+from typing import Any
 
-from toposeam.layers.canvas.canvas import Canvas
-from toposeam.layers.canvas.layer import Box, Layer
-from toposeam.layers.labelling.label_map import Pair
-from toposeam.optimize.history import Termination
-from toposeam.seam.result.seam import Seam
-from toposeam.seam.result.verdict import Verdict
-from toposeam.vector.polyline import Polyline
+from toposeam.layers.composite.seams import SeamOutline
 from toposeam.vector.svg import write_svg
 
 SCHEMA = 1
@@ -44,82 +37,7 @@ _PLACEMENT_KEYS = ("moved", "correlation", "turn", "scale")
 _NO_VERDICT: dict[str, Any] = {"likeness": None, "worst_likeness": None, "look_at": None}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SeamOutline:
-    """The paths and figures of a seam, without the problem that it solves."""
-
-    pair: Pair
-    paths: tuple[Polyline, ...]
-    cost: float
-    method: str
-    bound: float
-    stages: int
-    iterations: int
-    termination: Termination
-    seconds: float
-    settings: Mapping[str, Any]
-    verdict: Verdict | None = None
-
-    @classmethod
-    def of(cls, pair: Pair, seam: Seam) -> SeamOutline:
-        """Copy everything but the problem from the seam of a pair."""
-        return cls(
-            pair=pair,
-            paths=tuple(seam.paths),
-            cost=seam.cost,
-            method=seam.method,
-            bound=seam.bound,
-            stages=seam.history[-1].stage if seam.history else 0,
-            iterations=len(seam.history),
-            termination=seam.termination,
-            seconds=seam.seconds,
-            settings=seam.settings,
-            verdict=seam.verdict,
-        )
-
-    @property
-    def length(self) -> float:
-        """Total length of the paths, px."""
-        return sum(line.length for line in self.paths)
-
-
-class Summarised(Protocol):
-    """The parts of a :class:`toposeam.layers.Composition` that a summary reads."""
-
-    @property
-    def bent(self) -> float:
-        """The largest displacement by which layers were bent, px."""
-
-    @property
-    def canvas(self) -> Canvas:
-        """The layers in their places."""
-
-    @property
-    def layers(self) -> Sequence[Layer]:
-        """The layers, with their tones matched."""
-
-    @property
-    def view(self) -> Box:
-        """The box of the canvas that the picture shows."""
-
-    @property
-    def shown(self) -> Sequence[int]:
-        """The number of pixels of the picture that show each layer."""
-
-    @property
-    def rounds(self) -> int:
-        """The number of rounds of expansions."""
-
-    @property
-    def outlines(self) -> Sequence[SeamOutline]:
-        """The seams without their problems."""
-
-    @property
-    def seams(self) -> Sequence[Seam]:
-        """The seams."""
-
-
-def summary_of(composition: Summarised, *, optima: bool) -> dict[str, Any]:
+def summary_of(composition: Any, *, optima: bool) -> dict[str, Any]:
     """Summarise a composition, with the keys of the table above."""
     names, view = composition.canvas.names, composition.view
     crop = None

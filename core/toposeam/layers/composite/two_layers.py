@@ -4,23 +4,23 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from toposeam.arrays import Labels, Mask
+from toposeam.arrays import Labels
 from toposeam.checks import check_kind, check_pair
 from toposeam.errors import OptionError, OverlapError, PathError, Term
-from toposeam.layers.canvas.canvas import Canvas
+from toposeam.layers.canvas.canvas import Canvas, channel_count, paint
 from toposeam.layers.canvas.layer import Box, cut
-from toposeam.layers.canvas.painting import channel_count, paint
 from toposeam.layers.canvas.tile_map import blocks, dense, new_map
 from toposeam.layers.labelling.label_map import Pair
-from toposeam.layers.labelling.posing import meets
 from toposeam.seam.find import find_seam
 from toposeam.seam.problem.natural import CELL
-from toposeam.seam.result.seam import Seam, apply_paths
-from toposeam.vector.svg import SvgSeam
+from toposeam.seam.result.seam import Seam
+
+if TYPE_CHECKING:
+    from toposeam.vector.svg import SvgSeam
 
 #: Options that are arrays on the canvas, of which the box of the overlap is cut out.
 _ARRAY_OPTIONS = ("weight", "avoid")
@@ -74,6 +74,8 @@ def join(
     here = {**common, **maps}
     try:
         if drawing is not None:
+            from toposeam.seam.result.seam import apply_paths
+
             seam = apply_paths(drawing, first, second, cover_a, cover_b, **here)
         else:
             seam = find_seam(first, second, cover_a, cover_b, **here, **settings)
@@ -129,6 +131,8 @@ def paths_by_pair(
     """
     if given is None:
         return {}
+    from toposeam.vector.svg import SvgSeam
+
     if isinstance(given, SvgSeam):
         if count != 2:
             raise OptionError(
@@ -157,43 +161,3 @@ def paths_by_pair(
             )
         paths[min(first, second), max(first, second)] = drawing
     return paths
-
-
-def divided(canvas: Canvas, pair: Pair, drawing: SvgSeam, common: Mapping[str, Any]) -> Mask:
-    """Apply a given seam; return the (H, W) bool mask of the canvas where it shows the second layer."""
-    first, second = (canvas.layers[index] for index in pair)
-    try:
-        return join(canvas.of_layers(pair), common, {}, drawing)[0].labels
-    except PathError as error:
-        raise error.within(
-            "between {first} and {second}: {error}", layers=pair, first=first.name, second=second.name
-        ) from error
-
-
-def order_of(canvas: Canvas) -> list[int]:
-    """Order the layers so that each overlaps one before it; otherwise their order is kept.
-
-    Raises
-    ------
-    OverlapError
-    """
-    layers, places, covered = canvas.layers, canvas.places, canvas.covers
-    order, waiting = [0], list(range(1, len(layers)))
-    while waiting:
-        index = next((k for k in waiting if any(meets(places, covered, k, j) for j in order)), None)
-        if index is None:
-            x, y = layers[waiting[0]].at
-            hidden = any(each.alpha is not None or each.mask is not None for each in layers)
-            raise OverlapError(
-                "{name} (at {x},{y}): the {patches} do not overlap: no pixel of it is covered by "
-                "another one; move it, or check where they lie{hidden}",
-                kind="apart",
-                layers=(waiting[0],),
-                name=layers[waiting[0]].name,
-                x=x,
-                y=y,
-                hidden=" and what is transparent or masked" if hidden else "",
-            )
-        waiting.remove(index)
-        order.append(index)
-    return order

@@ -1,5 +1,4 @@
-from .progress import Progressed
-from .tasks import Executor, check_executor, on_boxes, results
+from .tasks import Executor, Progressed, check_executor, on_boxes, results
 
 __all__ = [
     "Executor",

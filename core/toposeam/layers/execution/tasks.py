@@ -15,6 +15,7 @@ from toposeam.layers.canvas.layer import Box
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
+Progress = Callable[[float], None]
 
 
 class Executor(Protocol):
@@ -198,3 +199,16 @@ def on_boxes(
     needs = touching([boxes[k] for k in order])
     for number, result in in_turn(executor, function, lambda number: item(order[number]), needs):
         yield order[number], result
+
+
+class Progressed:
+    """Reports progress of an unknown number of steps: each step covers a tenth of what is left."""
+
+    def __init__(self, progress: Progress | None) -> None:
+        self._progress, self._left = progress, 1.0
+
+    def one(self) -> None:
+        """Report that one more step is done."""
+        self._left *= 0.9
+        if self._progress is not None:
+            self._progress(0.95 * (1 - self._left))

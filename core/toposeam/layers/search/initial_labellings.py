@@ -13,7 +13,7 @@ import numpy as np
 
 from toposeam.arrays import Labels, Mask
 from toposeam.layers.canvas.layer import Box
-from toposeam.layers.execution.progress import Progressed
+from toposeam.layers.execution.tasks import Progressed
 from toposeam.layers.search.expansion_moves import Choices
 from toposeam.layers.search.options import SearchOptions
 from toposeam.seam.exact.expansion import Decide

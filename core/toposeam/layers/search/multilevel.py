@@ -24,7 +24,7 @@ from toposeam.arrays import Labels, Mask
 from toposeam.images import box_of
 from toposeam.layers.canvas.layer import Box
 from toposeam.layers.canvas.tile_map import blocks, dense, uniform
-from toposeam.layers.execution.progress import Progressed
+from toposeam.layers.execution.tasks import Progressed
 from toposeam.layers.labelling.label_map import LabelMap
 from toposeam.layers.labelling.problem import Labelling
 from toposeam.layers.labelling.subproblem import window_of_labelling

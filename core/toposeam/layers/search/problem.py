@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from toposeam.layers.execution.progress import Progressed
-from toposeam.layers.execution.tasks import Executor
+from toposeam.layers.execution.tasks import Executor, Progressed
 from toposeam.layers.labelling.problem import Labelling
 from toposeam.layers.search.options import SearchOptions
 from toposeam.layers.search.two_label_band import Pixels

@@ -126,6 +126,9 @@ def write(
     folder is given back meanwhile.
     """
     composed, picture = rendered.composition, rendered.picture
+    kinds = ((out.labels, LabelPicture), (out.overlay, Overlay))
+    # Seams are looked up for the overlay before the layers' files are emptied.
+    drawn = [(target, cast(np.ndarray, kind(rendered))) for target, kind in kinds if target is not None]
     keep = None
     if job.stored:
         values: list[Any] = [picture.pixels, picture.alpha]
@@ -134,10 +137,8 @@ def write(
     with all_or_nothing():
         for path, document in documents:
             atomic_write(path, document, out.force)
-        for target, kind in ((out.labels, LabelPicture), (out.overlay, Overlay)):
-            if target is not None:
-                pixels = cast(np.ndarray, kind(rendered))
-                write_picture(target, Picture(pixels=pixels), out.force, keep=keep)
+        for target, pixels in drawn:
+            write_picture(target, Picture(pixels=pixels), out.force, keep=keep)
         if out.output.suffix.lower() == ".ora":
             write_ora(out.output, composed, job.pictures, job.layers, out.force)
         elif not rendered.written:

@@ -88,6 +88,27 @@ def test_what_is_written_is_what_it_is_in_memory(three, toposeam, options, monke
     assert names(three) == names_before
 
 
+def test_an_overlay_is_drawn_though_no_seam_was_asked_for(three, toposeam, stored, monkeypatch):
+    """Quiet, nobody has made the seams before the layers' files are emptied, which here is so at once."""
+    monkeypatch.setattr(scratch, "Thread", AtOnce)
+    for overlay, quiet in (("told.png", []), ("quiet.png", ["-q"])):
+        ran = toposeam("stitch", *FILES, *AT, "-o", "out.tif", "--overlay", overlay, *quiet, "--force")
+        assert ran.code == 0, ran
+    drawn = read_picture("told.png").pixels
+    assert (drawn == (230, 30, 40)).all(axis=2).any()
+    np.testing.assert_array_equal(read_picture("quiet.png").pixels, drawn)
+
+
+class AtOnce:
+    """A thread that has done its work when it has started."""
+
+    def __init__(self, target, args, daemon):
+        self.start = lambda: target(*args)
+
+    def join(self):
+        pass
+
+
 @pytest.mark.parametrize(
     ("options", "reason"),
     [

@@ -107,7 +107,7 @@ def test_the_keys_are_the_same_for_all_ways(row, toposeam, monkeypatch, way):
 @pytest.mark.parametrize(
     "way", marked("two", "two found", "three", "three aligned", "three, cropped", "three found")
 )
-def test_figures_are_those_in_memory_when_pictures_wait_in_files(row, toposeam, monkeypatch, way):
+def test_figures_are_the_same_of_pictures_in_files(row, toposeam, monkeypatch, way):
     """All but the least possible costs, which are not computed then, and seconds."""
     words = "stitch", *WAYS[way], "-o", "out.tif", "--force"
     facts, line = told(toposeam(*words, "--json")), toposeam(*words).out

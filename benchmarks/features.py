@@ -20,8 +20,7 @@ from scipy import ndimage
 from skimage import data, feature, transform
 
 from stamp import stamp
-from toposeam.layers.registration.features import Look, shared_features
-from toposeam.layers.registration.sift import find_features
+from toposeam.layers.registration.features import FeatureSet, find_features, shared_features
 
 PHOTOGRAPHS = ("astronaut", "camera", "chelsea", "coffee", "brick", "grass", "gravel", "hubble_deep_field")
 CONTRAST = 0.004
@@ -49,7 +48,7 @@ def sampled_by_scipy(gradient: Any, at: Any, scale: Any, grid: Any) -> Any:
 
 
 def with_scipy(gray: np.ndarray) -> Found:
-    with mock.patch("toposeam.layers.registration.sift._sampled", sampled_by_scipy):
+    with mock.patch("toposeam.layers.registration.features._sample_gradient", sampled_by_scipy):
         return find_features(gray, CONTRAST)
 
 
@@ -89,7 +88,7 @@ def main() -> None:
             a, b = (find(gray) for gray in pictures)
             seconds = time.process_time() - begun
             first, second = (
-                Look(gray, gray > -1, 1, *found) for gray, found in zip(pictures, (a, b), strict=True)
+                FeatureSet(gray, gray > -1, 1, *found) for gray, found in zip(pictures, (a, b), strict=True)
             )
             matches = shared_features(first, second)
             apart = np.linalg.norm(there(a[0][matches[:, 0]]) - b[0][matches[:, 1]], axis=1)

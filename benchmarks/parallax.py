@@ -192,9 +192,9 @@ def giving(folder: Path, most: int) -> None:
             for image, mask, name in zip(images, masks, "ab", strict=True)
         ]
         started = time.process_time()
-        before = ts.layers.compose(layers)
+        before = ts.stitch(layers)
         between = time.process_time()
-        after = give_way(before, most, ts.layers.compose)
+        after = give_way(before, most, ts.stitch)
         seconds += between - started, time.process_time() - between
         rows = []
         for composed in (before, after):

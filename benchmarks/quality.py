@@ -89,7 +89,7 @@ def main() -> None:
         )
 
 
-def optimum_ratio_of_squares(seam: ts.Seam) -> float:
+def optimum_ratio_of_squares(seam: ts.seam.Seam) -> float:
     """Σ M² of a seam ÷ the least there is."""
     problem = seam.problem
     squared = SeamProblem(problem.overlap, problem.right**2, problem.down**2)

@@ -27,7 +27,7 @@ import stitching
 import toposeam as ts
 from piles import frames, large_pile
 from stamp import stamp
-from toposeam.layers.labelling.posing import exclusive_covers, pose_labelling
+from toposeam.layers.labelling.posing import pose_labelling
 from toposeam.layers.search.expansion_moves import Choices
 from toposeam.seam.exact.graph_cut import least_cut
 
@@ -37,8 +37,7 @@ LEAST_PIXELS = 100_000
 def peer(layers: list[ts.Layer], rng: np.random.Generator) -> tuple[float, float, int]:
     """The cheapest end of α-expansion, the dearest one, and how many pixels have several layers."""
     canvas = ts.layers.common_canvas(layers)
-    covered = exclusive_covers(layers, [canvas.place(layer) for layer in layers], canvas)
-    labelling = pose_labelling(layers, canvas, covered, match=ts.seam.MatchCost())
+    labelling = pose_labelling(canvas, match=ts.seam.MatchCost())
     count, box = len(layers), canvas.box
     allowed = [labelling.allowed_in(k, box) for k in range(count)]
     choices = Choices(labelling, box, labelling.on_top(), allowed, range(count))

@@ -46,14 +46,14 @@ OVERLAP = 0.30
 #: What is done, by the name of its function: what to call it, and what it grows with.
 KINDS = {
     "_read": ("decoding", "frames"),
-    "_turned": ("decoding", "frames"),
+    "_warped": ("decoding", "frames"),
     "_compared": ("comparing tones", "overlaps"),
+    "_toned": ("matching tones", "frames"),
     "_tables": ("costs of overlaps", "overlaps"),
     "divided": ("dividing overlaps", "overlaps"),
-    "swapped": ("dividing overlaps", "overlaps"),
-    "_met": ("dividing overlaps", "overlaps"),
+    "expanded": ("dividing overlaps", "overlaps"),
     "_measured": ("dividing overlaps", "overlaps"),
-    "_painted": ("blending", "picture"),
+    "_rendered": ("blending", "picture"),
 }
 COMMAND = """
 import logging, sys

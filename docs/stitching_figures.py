@@ -59,7 +59,7 @@ def coffee() -> list[ts.Layer]:
     ]
 
 
-def on_paper(image: np.ndarray, stitched: ts.layers.Stitched) -> np.ndarray:
+def on_paper(image: np.ndarray, stitched: ts.layers.Composition) -> np.ndarray:
     """The picture with paper where no layer is, and a margin."""
     shown = np.any(stitched.masks, axis=0)
     return np.pad(

@@ -1,6 +1,6 @@
-"""Layers of a request as core's, and what core makes of them as rasters for the asker.
+"""Convert the layers of a request to those of core, and core's results to rasters for GIMP.
 
-Places are in px of the asker's image; every raster has its place there, ``at``.
+Places are in px of GIMP's image; every raster has its place there as ``at``.
 """
 
 from __future__ import annotations
@@ -19,14 +19,12 @@ from toposeam_engine.job import EngineJob
 
 
 def layers_of(job: EngineJob) -> list[ts.Layer]:
-    """Return the layers of the request: color and alpha of one raster each, with a mask of its own multiplied
-    in.
-    """
+    """Return the layers of the request, each from one raster with its mask multiplied into the opacity."""
     return [layer_of(job, raster) for raster in job.request["layers"]]
 
 
 def layer_of(job: EngineJob, raster: Mapping[str, Any]) -> ts.Layer:
-    """Return a layer of the request."""
+    """Return the layer of a raster."""
     image, alpha = colours_of(job, raster)
     return ts.Layer(
         image,
@@ -38,7 +36,7 @@ def layer_of(job: EngineJob, raster: Mapping[str, Any]) -> ts.Layer:
 
 
 def colours_of(job: EngineJob, raster: Mapping[str, Any]) -> tuple[Image, npt.NDArray[Any] | None]:
-    """Colour and opacity of a raster, its mask multiplied in; None where it is opaque."""
+    """Return the colours of a raster, and its opacity times its mask; None if it is opaque."""
     pixels = job.read(raster)
     image, alpha = pixels, None
     if raster["channels"] in (2, 4):
@@ -57,12 +55,14 @@ def place_of(raster: Mapping[str, Any]) -> tuple[int, int]:
 
 
 def selected_on(job: EngineJob, canvas: Canvas) -> Mask | None:
-    """(H, W) bool on a canvas: what is selected; None without a selection."""
+    """(H, W) bool mask of a canvas, True at selected pixels; None without a selection."""
     return _white_on(job, job.request.get("selection"), canvas)
 
 
 def avoided_on(job: EngineJob, canvas: Canvas) -> Mask | None:
-    """(H, W) bool on a canvas: what seams keep away from, by a channel or a mask; None without one."""
+    """(H, W) bool mask of a canvas, True where seams must not run, from a channel or a mask; None without
+    one.
+    """
     return _white_on(job, job.request.get("avoid"), canvas)
 
 
@@ -78,7 +78,7 @@ def _white_on(job: EngineJob, raster: Mapping[str, Any] | None, canvas: Canvas) 
 
 
 def with_alpha(image: Image, alpha: Image | None) -> Image:
-    """(H, W, C + 1): colour and opacity as the asker wants them."""
+    """(H, W, C + 1) array of colours and opacity, as GIMP expects."""
     shown = np.broadcast_to(full_scale(image.dtype), image.shape[:2]) if alpha is None else alpha
     return np.dstack([image, shown])
 
@@ -86,10 +86,10 @@ def with_alpha(image: Image, alpha: Image | None) -> Image:
 def masks_of(
     job: EngineJob, layers: Sequence[ts.Layer], labels: Any, canvas: Canvas
 ) -> list[dict[str, Any] | None]:
-    """Return each layer's mask, of the layer's own size: 0 where a lower one is to be seen, 255 elsewhere, so
-    that what is painted black on a mask shows the layers below.
+    """Return a mask for each layer, of the layer's size: 0 where a lower layer shows, 255 elsewhere.
 
-    The lowest needs none, unless something is not opaque that lies on it.
+    So painting black on a mask shows the layers below. The lowest layer needs no mask, unless a layer on it
+    is partly transparent.
     """
     places = [canvas.place(layer).slices for layer in layers]
     clear = None
@@ -109,14 +109,14 @@ def masks_of(
 
 
 def labels_raster(job: EngineJob, labels: Any, canvas: Canvas) -> dict[str, Any]:
-    """Return which layer shows at each pixel, counted from 1, and where the canvas lies."""
+    """Return the number of the layer that shows at each pixel, counted from 1, with the canvas's place."""
     dtype = np.uint8 if labels.max(initial=0) < 255 else np.uint16
     counted = np.add(labels, 1, dtype=dtype, casting="unsafe")
     return {**job.write(counted), "at": list(canvas.origin)}
 
 
 def blending(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the options; a width of 0 means the usual one, and some ways of blending have none."""
+    """Translate the options of blending; a width of 0 stands for the default, and some blends take none."""
     chosen = dict(options)
     if law := chosen.pop("law", None):
         chosen["cost"] = ts.seam.MatchCost(law=law)
@@ -129,8 +129,10 @@ def blending(options: Mapping[str, Any]) -> dict[str, Any]:
 def changes_of(
     job: EngineJob, layers: Sequence[ts.Layer], stitched: ts.layers.Composition, canvas: Canvas
 ) -> dict[str, Any] | None:
-    """Return the pixels in which the composite differs from the layers under their masks, transparent
-    elsewhere; None if it does not differ.
+    """Return a raster of the pixels in which the composite differs from the masked layers; None if there are
+    none.
+
+    All other pixels are transparent.
     """
     changed = np.zeros(canvas.shape, bool)
     for layer, mask in zip(layers, stitched.masks, strict=True):
@@ -138,8 +140,8 @@ def changes_of(
         for top in range(place.top, place.bottom, 256):
             part = np.s_[top : min(top + 256, place.bottom), place.left : place.right]
             own = layer.image[part[0].start - place.top : part[0].stop - place.top]
-            seen = stitched.image[part]
-            differs = seen != (own if own.ndim == seen.ndim else own[..., np.newaxis])
+            blended = stitched.image[part]
+            differs = blended != (own if own.ndim == blended.ndim else own[..., np.newaxis])
             changed[part] |= (differs if differs.ndim == 2 else differs.any(axis=2)) & mask[part]
     if not changed.any():
         return None

@@ -1,4 +1,4 @@
-"""Where the layers of a request belong, on the asker's canvas."""
+"""Find the places of the layers of a request on GIMP's canvas."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ import toposeam as ts
 from toposeam.images import full_scale
 from toposeam.layers.canvas.largest_rectangle import largest_full
 
-#: What is left between two layers is told from so many px on.
-_WORTH_PX = 2.0
-#: Options that say how places are found.
-_OF_PLACES = ("model", "projection", "level")
+#: Residual, px, above which a pair of layers is reported, as a step of 2 px in an edge is visible.
+_VISIBLE_PX = 2.0
+#: Options of :func:`toposeam.find_places`.
+_PLACE_OPTIONS = ("model", "projection", "level")
 
 
 class PlacedLayers(NamedTuple):
     """Layers in their places."""
 
     layers: list[ts.Layer]
-    #: Which of the given ones these are.
+    #: Their numbers among the given layers.
     numbers: list[int]
-    #: What was found out about them; None where nothing was sought.
+    #: The placement that was found; None if places were given.
     placement: ts.layers.Placement | None = None
 
     @property
     def about(self) -> dict[str, Any]:
-        """What the asker's user should know."""
+        """The part of the answer that GIMP tells its user about the places."""
         found = self.placement
         if found is None:
             return {"numbers": self.numbers}
@@ -42,7 +42,7 @@ class PlacedLayers(NamedTuple):
             "misfits": [
                 {"between": [self.numbers[i], self.numbers[j]], "off": round(residual.farthest, 1)}
                 for (i, j), residual in worst
-                if residual.farthest > _WORTH_PX
+                if residual.farthest > _VISIBLE_PX
             ],
             "goes_round": found.wrap is not None,
         }
@@ -51,10 +51,10 @@ class PlacedLayers(NamedTuple):
 def placed(
     layers: Sequence[ts.Layer], options: dict[str, Any], progress: Callable[[float], None]
 ) -> PlacedLayers:
-    """Take what says how places are found out of the options, and find them."""
+    """Remove the options of places from `options`, and find the places by them."""
     places = options.pop("places", "given")
     scans = options.pop("pictures", "photographs") == "scans"
-    told = {name: options.pop(name) for name in _OF_PLACES if name in options}
+    chosen = {name: options.pop(name) for name in _PLACE_OPTIONS if name in options}
     if places == "given":
         return PlacedLayers(list(layers), list(range(len(layers))))
     if places == "near":
@@ -64,15 +64,16 @@ def placed(
     if scans:
         found = ts.find_places(layers, exact=True, progress=progress)
     else:
-        if told.get("model", "auto") not in ("auto", "rotation"):
-            told.pop("projection", None)  # of cameras only
-        found = ts.find_places(layers, **told, progress=progress)
+        if chosen.get("model", "auto") not in ("auto", "rotation"):
+            chosen.pop("projection", None)  # cameras only
+        found = ts.find_places(layers, **chosen, progress=progress)
     return PlacedLayers(_on_canvas(found.layers, layers[found.numbers[0]].at), list(found.numbers), found)
 
 
 def _on_canvas(layers: Sequence[ts.Layer], first: tuple[int, int]) -> list[ts.Layer]:
-    """Move layers together so that the first one lies where it lay, or as near to that as leaves nothing to
-    the left of the asker's canvas or above it.
+    """Move layers together so that the first one keeps its place.
+
+    If that would put a layer left of the canvas or above it, all are moved just onto the canvas.
     """
     left, top = (min(layer.at[axis] for layer in layers) for axis in (0, 1))
     x, y = layers[0].at
@@ -80,15 +81,16 @@ def _on_canvas(layers: Sequence[ts.Layer], first: tuple[int, int]) -> list[ts.La
 
 
 def moved(layers: Sequence[ts.Layer], right: int, down: int) -> list[ts.Layer]:
-    """Return the layers in places that lie farther right and down."""
+    """Return the layers moved right and down by px."""
     return [dataclasses.replace(layer, at=(layer.at[0] + right, layer.at[1] + down)) for layer in layers]
 
 
 def framed(
     layers: Sequence[ts.Layer], found: ts.layers.Composition, *, crop: bool
 ) -> tuple[list[ts.Layer], ts.layers.Composition, list[int]]:
-    """Move everything so that a canvas which begins at 0,0 holds it, or the largest rectangle of it without
-    holes; also return that canvas's width and height.
+    """Move everything so that a canvas from 0,0 holds it, or its largest rectangle without holes.
+
+    Also returns the width and height of that canvas.
     """
     height, width = found.shape
     box = None

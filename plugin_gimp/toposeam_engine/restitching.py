@@ -1,5 +1,5 @@
-"""The engine's operation that joins layers anew: along paths that were bent, and round strokes that say which
-layer shall show (:func:`toposeam.layers.restitch`).
+"""The operation that joins layers again, along paths that were bent and round strokes
+(:func:`toposeam.layers.restitch`).
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from toposeam_engine.layers import (
 )
 from toposeam_engine.lines import lines_of
 
-#: A stroke counts from this opacity on, of 255.
-_OPAQUE = 64
+#: Least opacity of a stroke, of 255: fainter pixels, as at the rim of a brush, are ignored.
+_LEAST_OPACITY = 64
 
 
 def restitch(job: EngineJob) -> dict[str, Any]:
-    """Join layers along given paths, and round what was painted on hints and masks.
+    """Join layers along given paths, and round strokes on hints and masks.
 
-    Each pair whose path was touched divides anew what the two of them show; of two layers that were moved
-    since, any path does.
+    Each path that was edited divides the pixels that its pair shows. If two layers were moved since they were
+    joined, every path does.
     """
     layers, options = layers_of(job), blending(job.options)
     canvas = ts.layers.common_canvas(layers)
@@ -67,17 +67,17 @@ def restitch(job: EngineJob) -> dict[str, Any]:
 
 
 def _shown(job: EngineJob, layers: Sequence[ts.Layer], canvas: Canvas) -> Labels:
-    """(H, W), the number of the uppermost layer that its mask lets be seen; -1 where there is none."""
+    """(H, W): the number of the uppermost layer that its mask shows, -1 where there is none."""
     labels: Labels = np.full(canvas.shape, -1, np.int16)
     for index, (layer, raster) in enumerate(zip(layers, job.request["shown"], strict=True)):
         here = labels[canvas.place(layer).slices]
-        seen = layer.covered if raster is None else layer.covered & (job.read(raster) >= 128)
-        here[seen] = index
+        visible = layer.covered if raster is None else layer.covered & (job.read(raster) >= 128)
+        here[visible] = index
     return labels
 
 
 def _written(job: EngineJob, canvas: Canvas) -> Labels | None:
-    """(H, W), what the masks said when they were written; None where layers were moved since."""
+    """(H, W): the labels of the masks as they were written; None if layers were moved since."""
     raster = job.request.get("written")
     if raster is None or place_of(raster) != canvas.origin:
         return None
@@ -89,9 +89,7 @@ def _written(job: EngineJob, canvas: Canvas) -> Labels | None:
 
 
 def _strokes(job: EngineJob, canvas: Canvas) -> Labels:
-    """(H, W), the number of the layer that a stroke wants to be seen, -1 elsewhere: that of the colour which
-    is most alike.
-    """
+    """(H, W): the number of the layer whose colour is nearest to that of a stroke, -1 without a stroke."""
     wanted: Labels = np.full(canvas.shape, -1, np.int16)
     raster = job.request.get("hints")
     if raster is None:
@@ -102,7 +100,7 @@ def _strokes(job: EngineJob, canvas: Canvas) -> Labels:
     if not all(common.shape):
         return wanted
     inside = pixels[common.within(place)]
-    rows, columns = np.nonzero(inside[..., 3] >= _OPAQUE)
+    rows, columns = np.nonzero(inside[..., 3] >= _LEAST_OPACITY)
     colours = np.array(job.request["colours"], np.int32)
     far = ((inside[rows, columns, None, :3].astype(np.int32) - colours) ** 2).sum(axis=2)
     here = wanted[common.slices]
@@ -111,7 +109,7 @@ def _strokes(job: EngineJob, canvas: Canvas) -> Labels:
 
 
 def _seams(found: ts.layers.Composition, before: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return the seams of a label map, as the asker needs them, with what is the same of those before."""
+    """Return the seams of a label map for GIMP; where a line is the same as before, its curves are kept."""
     known = {(int(seam["pair"][0]), int(seam["pair"][1])): seam["known"] for seam in before}
     corner = np.array(found.origin, float)
     return [
@@ -126,7 +124,7 @@ def _seams(found: ts.layers.Composition, before: Sequence[Mapping[str, Any]]) ->
 
 
 def _hints(job: EngineJob, canvas: Canvas, wanted: Labels) -> dict[str, Any]:
-    """Strokes, with what was painted on masks, as a picture of the colours of layers."""
+    """Return the strokes, with those painted on masks, as a raster in the colours of the layers."""
     rows, columns = (np.flatnonzero((wanted >= 0).any(axis=axis)) for axis in (1, 0))
     box = np.s_[int(rows[0]) : int(rows[-1]) + 1, int(columns[0]) : int(columns[-1]) + 1]
     colours = np.array([*job.request["colours"], [0, 0, 0]], np.uint8)
@@ -137,7 +135,7 @@ def _hints(job: EngineJob, canvas: Canvas, wanted: Labels) -> dict[str, Any]:
 
 
 def _drawing(entry: Mapping[str, Any], canvas: Canvas) -> SvgSeam:
-    """Return the lines of a seam, on the canvas."""
+    """Convert a seam of the request to lines on the canvas."""
     shift = np.array(canvas.origin, float)
     lines = tuple(
         ts.vector.Polyline(np.array(line["points"], float).reshape(-1, 2) - shift, bool(line["closed"]))

@@ -1,6 +1,4 @@
-"""The engine's operations on seams: functions from an :class:`~toposeam_engine.job.EngineJob` to what
-goes into the result.
-"""
+"""The engine's operations on seams: functions from an :class:`~toposeam_engine.job.EngineJob` to a result."""
 
 from __future__ import annotations
 
@@ -25,13 +23,15 @@ from toposeam_engine.layers import (
 from toposeam_engine.lines import lines_of
 from toposeam_engine.places import PlacedLayers, framed, placed
 
-#: The share of the work that finding places takes, about.
-_FINDING = 0.5
+#: Fraction of the progress bar that is given to finding places, about its share of the time.
+_FINDING_SHARE = 0.5
 
 
 def stitch(job: EngineJob) -> dict[str, Any]:
-    """Layers, first the lowest, joined along seams: which of them, their places where these were sought,
-    their pixels where they have others now, masks, seams, what blending changes, and what people should know.
+    """Join the layers of a request, the lowest first, along seams.
+
+    The result has the numbers of the layers that were joined; their places, if these were searched; new
+    pixels, if they changed; masks; seams; what blending changes; and what the user is told.
     """
     given = layers_of(job)
     placed, found = stitched(job, given)
@@ -50,9 +50,9 @@ def stitch(job: EngineJob) -> dict[str, Any]:
 
 
 def stitched(job: EngineJob, layers: Sequence[ts.Layer]) -> tuple[PlacedLayers, ts.layers.Composition]:
-    """Return the layers, in the places and tones asked for, and what they make."""
+    """Place the layers, match their tones and join them; return them with the composition."""
     options = blending(job.options)
-    start = _FINDING if options.get("places") == "anywhere" else 0.0
+    start = _FINDING_SHARE if options.get("places") == "anywhere" else 0.0
     options.pop("crop", None)
     scans = options.get("pictures") == "scans"
     place = placed(layers, options, lambda share: job.progress(share * start))
@@ -71,26 +71,26 @@ def stitched(job: EngineJob, layers: Sequence[ts.Layer]) -> tuple[PlacedLayers, 
 
 
 def patch(job: EngineJob) -> dict[str, Any]:
-    """Return the second layer, where it is selected, laid on the first within a seam."""
+    """Lay the selected part of the second layer on the first, within a seam."""
     layers = patch_layers(job)
     return _joined(job, layers, stitched_patch(job, layers))
 
 
 def stitched_patch(job: EngineJob, layers: Sequence[ts.Layer]) -> ts.layers.Composition:
-    """Return what the layer below and the patch make."""
+    """Join the layer below and the patch."""
     avoid = avoided_on(job, ts.layers.common_canvas(layers))
     return ts.stitch(layers, avoid=avoid, progress=job.progress, **blending(job.options))
 
 
 def patch_layers(job: EngineJob) -> list[ts.Layer]:
-    """Read the layer below, and the patch where it is selected."""
+    """Read the layer below, and the patch with the selection as its mask."""
     below, above = layers_of(job)
     selected = selected_on(job, ts.layers.common_canvas([above]))
     return [below, above if selected is None else dataclasses.replace(above, mask=selected)]
 
 
 def outside(job: EngineJob, layers: Sequence[ts.Layer]) -> Any:
-    """(H, W) bool on the layers' canvas: what the selection leaves out, and what seams keep away from; None
+    """(H, W) bool mask of the layers' canvas: pixels that are not selected or that seams must avoid; None
     without either.
     """
     canvas = ts.layers.common_canvas(layers)

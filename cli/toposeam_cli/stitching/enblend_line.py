@@ -1,4 +1,4 @@
-"""The command line of enblend, as Hugin and scripts write it: what it means here, and what means nothing."""
+"""Translate the command line of enblend, as Hugin and scripts write it, into options of ``stitch``."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from pathlib import Path
 import toposeam as ts
 from toposeam_cli.files.tables import read_text
 
-#: What Hugin's preferences and scripts ask for the version.
+#: The version that Hugin's preferences and scripts read.
 VERSION = "enblend 4.2 (TopoSeam)"
 
-#: Options that we have, by their short and long names: what one means that stands without a value, or None
-#: where it needs one.
-_OURS: dict[str, tuple[str, str | None]] = {
+#: Options that are translated, by their short and long names: the long name, and the value that is implied if
+#: none is given, or None if one is required.
+_TRANSLATED: dict[str, tuple[str, str | None]] = {
     "o": ("output", None),
     "f": ("frame", None),
     "l": ("levels", None),
@@ -28,14 +28,14 @@ _OURS: dict[str, tuple[str, str | None]] = {
     "save-masks": ("save-masks", "mask-%n.tif"),
     "load-masks": ("load-masks", "mask-%n.tif"),
 }
-#: Options that change nothing that is seen.
-_QUIET_FLAGS = {"a", "x", "pre-assemble", "no-pre-assemble", "gpu", "no-gpu", "prefer-gpu"}
-_QUIET_OPTIONAL = {"v", "verbose"}
-_QUIET_VALUES = {"b", "m"}
+#: Options that do not affect the picture and are ignored.
+_IGNORED_FLAGS = {"a", "x", "pre-assemble", "no-pre-assemble", "gpu", "no-gpu", "prefer-gpu"}
+_IGNORED_OPTIONAL = {"v", "verbose"}
+_IGNORED_VALUES = {"b", "m"}
 #: Options without effect here, which are reported to the user.
-_LOUD_FLAGS = {"c", "g", "ciecam", "no-ciecam", "fine-mask", "optimize", "no-optimize"}
-_LOUD_OPTIONAL = {"coarse-mask", "visualize"}
-_LOUD_VALUES = {
+_REPORTED_FLAGS = {"c", "g", "ciecam", "no-ciecam", "fine-mask", "optimize", "no-optimize"}
+_REPORTED_OPTIONAL = {"coarse-mask", "visualize"}
+_REPORTED_VALUES = {
     "d",
     "depth",
     "blend-colorspace",
@@ -50,14 +50,14 @@ _LOUD_VALUES = {
     "anneal",
     "dijkstra",
 }
-_FLAGS, _OPTIONAL = _QUIET_FLAGS | _LOUD_FLAGS, _QUIET_OPTIONAL | _LOUD_OPTIONAL
-_VALUES = _QUIET_VALUES | _LOUD_VALUES
-_FRAME = re.compile(r"(\d+)x(\d+)(?:([+-]\d+)([+-]\d+))?")
+_FLAGS, _OPTIONAL = _IGNORED_FLAGS | _REPORTED_FLAGS, _IGNORED_OPTIONAL | _REPORTED_OPTIONAL
+_VALUES = _IGNORED_VALUES | _REPORTED_VALUES
+_FRAME_SIZE = re.compile(r"(\d+)x(\d+)(?:([+-]\d+)([+-]\d+))?")
 
 
 @dataclass(frozen=True, slots=True)
 class CanvasFrame:
-    """The part of the plane that the result shows, px."""
+    """The rectangle of the plane that the result shows, px."""
 
     width: int
     height: int
@@ -66,8 +66,9 @@ class CanvasFrame:
 
 
 def understood(words: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Return the words of an enblend command line as those of ours, and the options that were left out and
-    might be missed.
+    """Translate the words of an enblend command line.
+
+    Returns the words for ``stitch``, and the options without effect that the user may miss.
 
     Raises
     ------
@@ -101,15 +102,15 @@ def understood(words: Sequence[str]) -> tuple[list[str], list[str]]:
                 options.append("--help" if name in ("h", "help") else "--version")
             elif name == "z":
                 options.append("--compression=lzw")
-            elif name in _OURS:
-                ours, alone = _OURS[name]
+            elif name in _TRANSLATED:
+                ours, alone = _TRANSLATED[name]
                 if value is None:
                     value = alone if alone is not None else _next(waiting, name)
                 options.append(f"--{ours}={value}")
             elif name in _FLAGS | _OPTIONAL | _VALUES:
                 if name in _VALUES and value is None:
                     _next(waiting, name)
-                if name in _LOUD_FLAGS | _LOUD_OPTIONAL | _LOUD_VALUES:
+                if name in _REPORTED_FLAGS | _REPORTED_OPTIONAL | _REPORTED_VALUES:
                     ignored.append(f"--{name}" if len(name) > 1 else f"-{name}")
             else:
                 raise ts.OptionError(f"'{word}' is no option of enblend; correct or remove it")
@@ -122,7 +123,7 @@ def _bundle(letters: str) -> tuple[list[str], str | None]:
     for index, letter in enumerate(letters):
         names.append(letter)
         rest = letters[index + 1 :]
-        needs = letter in _VALUES or (letter in _OURS and _OURS[letter][1] is None)
+        needs = letter in _VALUES or (letter in _TRANSLATED and _TRANSLATED[letter][1] is None)
         if rest and (needs or letter in _OPTIONAL or (letter == "w" and rest in _MODES)):
             return names, rest
         if needs:
@@ -140,13 +141,13 @@ def _next(waiting: list[str], name: str) -> str:
 
 
 def frame_of(text: str) -> CanvasFrame:
-    """Return the frame that ``-f`` means: ``8000x4000+120+40``.
+    """Return the frame of ``-f``: ``8000x4000+120+40``.
 
     Raises
     ------
     OptionError
     """
-    found = _FRAME.fullmatch(text.replace("+-", "-"))
+    found = _FRAME_SIZE.fullmatch(text.replace("+-", "-"))
     if found is None or int(found[1]) == 0 or int(found[2]) == 0:
         raise ts.OptionError(f"-f is {text!r}; write it like 8000x4000+0+0: width, height and offsets")
     return CanvasFrame(*(int(part or 0) for part in found.groups()))
@@ -182,7 +183,7 @@ def wrap_of(mode: str) -> bool:
 
 
 def compression_of(text: str) -> tuple[str, int | None]:
-    """Our compression of TIFF and quality of JPEG for what enblend calls so.
+    """Return our compression of TIFF and quality of JPEG for a value of enblend's ``--compression``.
 
     Raises
     ------
@@ -200,8 +201,10 @@ def compression_of(text: str) -> tuple[str, int | None]:
 
 
 def files_of(words: Sequence[str]) -> list[Path]:
-    """Return the files that are meant: ``@list`` stands for those a text file names, one a line, which may
-    have patterns, and lies in their folder.
+    """Expand the list of files.
+
+    ``@list`` stands for the files that a text file names, one a line; the names may have patterns, and are
+    relative to the folder of the list.
 
     Raises
     ------
@@ -221,7 +224,7 @@ def files_of(words: Sequence[str]) -> list[Path]:
                 raise ts.OptionError(f"'{path}' is no list of pictures: no name holds NUL; check the file")
             found = [path.parent / name]
             if re.search(r"[*?\[]", name):
-                pattern = Path(escape(str(path.parent))) / name  # or the name alone, where it is absolute
+                pattern = Path(escape(str(path.parent))) / name  # an absolute name replaces the folder
                 found = [Path(one) for one in sorted(glob(str(pattern)))]  # noqa: PTH207
             if not found:
                 raise ts.OptionError(f"'{path}' names '{name}', and there is no such file; correct it")

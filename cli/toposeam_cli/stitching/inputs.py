@@ -1,4 +1,4 @@
-"""From files and where they lie to layers on one canvas."""
+"""Read pictures and their places, and make layers on one canvas of them."""
 
 from __future__ import annotations
 
@@ -32,18 +32,17 @@ from toposeam_cli.media.pictures.stored import read_stored, store
 from toposeam_cli.stitching.positions import Where, places_of
 from toposeam_cli.stitching.resample import placed_layers
 
-#: What a camera noted, by tags of EXIF.
+#: Metadata of a photograph, by EXIF tag.
 _Notes: TypeAlias = Mapping[int, Any]
 
 _LAYOUTS = (".toml", ".json", ".pto")
-#: Pictures with more pixels together wait in files.
+#: Largest number of pixels of all pictures together that are kept in memory; with more they are stored in
+#: files.
 STORED_PIXELS = 64_000_000
 
 
 def picture_number(key: str, names: Mapping[int, str], count: int) -> int | None:
-    """Return which of `count` pictures is the only one of a name, or has a number, counted from 0; None for
-    none. Names are by number.
-    """
+    """Find a picture by its name, if unique, or by its number, counted from 0; None if none matches."""
     called = [number for number, name in names.items() if name == key]
     if len(called) == 1:
         return called[0]
@@ -52,25 +51,26 @@ def picture_number(key: str, names: Mapping[int, str], count: int) -> int | None
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlacedPictures:
-    """Pictures of one depth and colour space, placed."""
+    """Pictures of one depth and colour space, with their places."""
 
     pictures: tuple[Picture, ...]
     layers: tuple[ts.Layer, ...]
-    #: The files, where each picture is one.
+    #: The file of each picture; empty if one file holds them all.
     files: tuple[Path, ...] = ()
-    #: Placement found, where none was given.
+    #: The placement that was found; None if places were given.
     placement: ts.layers.Placement | None = None
-    #: Whether the pixels wait in files.
+    #: Whether the pixels are stored in files.
     stored: bool = False
-    #: Pictures that were left out, each with the reason.
+    #: The reason for each picture that was left out.
     skipped: tuple[str, ...] = ()
-    #: From each picture's pixels to the canvas, and the canvas's width if it goes all the way round.
+    #: The transform of each picture's pixels to the canvas, and the width of a round canvas, px.
     transforms: tuple[Transform, ...] = ()
     wrap: int | None = None
-    #: Which of the given pictures each layer is, where some were left out, and what those are called.
+    #: If some pictures were left out: the number of each layer among the given ones, and the names of those
+    #: left out.
     numbers: tuple[int, ...] = ()
     lost: tuple[str, ...] = ()
-    #: Files that belong together, but not to these pictures.
+    #: Groups of files that show something else, each group together.
     other_groups: tuple[tuple[Path, ...], ...] = ()
 
     @property
@@ -79,17 +79,17 @@ class PlacedPictures:
         return ts.layers.common_canvas(self.layers).shape
 
     def warped(self, index: int) -> bool:
-        """Test whether a picture was more than moved."""
+        """Test whether a picture was transformed by more than a translation."""
         return not is_move(self.transforms[index])
 
     def number(self, key: str) -> int | None:
-        """Return the layer that is meant by a number, counted from 0 among the given ones, or by a name; None
-        for one that was left out.
+        """Find a layer by its number, counted from 0 among the given pictures, or its name; None if it was
+        left out.
 
         Raises
         ------
         OptionError
-            When there is none, or more than one.
+            If no picture, or more than one, matches.
         """
         names = [layer.name for layer in self.layers]
         count = len(names) + len(self.lost)
@@ -107,15 +107,15 @@ class PlacedPictures:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlaceFinding:
-    """How places are found where nobody says them."""
+    """The options of finding places that are not given."""
 
-    #: Without the focal length; the picture in the middle is counted among the given ones.
+    #: All but the focal length; the number of the central picture counts the given ones.
     options: PlaceOptions = field(default_factory=PlaceOptions)
-    #: Focal length, mm, as of film of 24 × 36 mm.
+    #: Focal length, mm, as equivalent for film of 24 × 36 mm.
     focal_mm: float | None = None
-    #: The options of the command line that say so.
+    #: The options of the command line that were given.
     named: tuple[str, ...] = ()
-    #: Whether pictures that show something else are joined apart, and not left out.
+    #: Whether pictures that show something else are joined by themselves instead of left out.
     takes_groups: bool = False
 
 
@@ -131,24 +131,24 @@ class _Source:
 
 @dataclass(slots=True, kw_only=True)
 class _Reading:
-    """Pictures read one after another; with `skips` those that cannot be are left out, and noted."""
+    """A reading of pictures one after another; with `skips` unreadable ones are left out and recorded."""
 
     limit: int
-    #: Where pixels wait, unless they do in memory; what decodes several pictures at a time, then.
+    #: The folder in which pixels are stored; None keeps them in memory.
     scratch: Scratch | None
-    #: None where it cannot be asked for.
+    #: Whether unreadable pictures are left out; None if the command has no such option.
     skips: bool | None
     executor: Executor | None
-    #: Whether that may be on other machines.
+    #: Whether the executor may run on other machines.
     elsewhere: bool = False
     reasons: list[str] = field(default_factory=list)
-    #: Of those that were read, which of the given ones they are; the names of the others.
+    #: The numbers of the pictures that were read, among the given ones, and the names of the others.
     numbers: list[int] = field(default_factory=list)
     lost: list[str] = field(default_factory=list)
     names: Sequence[str] = ()
 
     def read(self, files: Sequence[Path], names: Sequence[str]) -> Iterator[tuple[int, Picture]]:
-        """Yield each picture with its number."""
+        """Yield the pictures that can be read, with their numbers."""
         self.names = names
         if not self.skips:
             try:
@@ -177,20 +177,22 @@ class _Reading:
                 yield number, picture
 
     def leave_out(self, reasons: Mapping[int, str], silently: Collection[int] = ()) -> None:
-        """Leave out some of the pictures that were read, by their numbers among these."""
+        """Leave out some of the pictures that were read; `reasons` has their numbers among these."""
         for number in sorted(reasons, reverse=True):
             self.lost.append(self.names[self.numbers.pop(number)])
         self.reasons += [reasons[number] for number in sorted(reasons) if number not in silently]
 
     def _with_remedy(self, error: ts.ImageError, count: int) -> ts.ImageError:
-        """Add to an error about one of `count` pictures that it can be left out if two others are left."""
+        """Point to ``--skip-bad`` in an error about one of `count` pictures, if enough would be left."""
         if self.skips is None or count <= 2:
             return error
         return error.within("{error}; --skip-bad leaves out what cannot be read")
 
 
 def _read(item: tuple[Path, int, Path | None]) -> Picture | ts.ImageError:
-    """Read a picture within a limit of pixels, which may wait in a file, or return why it cannot be used."""
+    """Read a picture within a limit of pixels, and store it in a file if one is given; return the error if it
+    fails.
+    """
     path, limit, waits = item
     try:
         if waits is not None:
@@ -199,7 +201,7 @@ def _read(item: tuple[Path, int, Path | None]) -> Picture | ts.ImageError:
     except ts.ImageError as error:
         return error
     if picture.alpha is not None and picture.alpha.min() == full_scale(picture.alpha.dtype):
-        picture = replace(picture, alpha=None)  # it says nothing
+        picture = replace(picture, alpha=None)  # opaque everywhere
     return picture
 
 
@@ -220,21 +222,21 @@ def arrange(
 ) -> PlacedPictures:
     """Read pictures, or the layers of one OpenRaster file or layout, and place them.
 
-    With `scratch` the pixels of many pictures, or if it `stores` of all, wait there instead of in memory, and
-    an executor may decode several pictures at a time. One picture `alone` may be
-    given, and pictures without a given place then lie at 0,0. How places are found, `finding` says.
+    With `scratch` the pixels of many pictures, or with `stores` of all, are kept there instead of in memory,
+    and an executor may decode several pictures at a time. With `alone` a single picture is accepted, and
+    pictures without a given place lie at 0,0. `finding` has the options of finding places.
 
     Raises
     ------
     OptionError
-        When places are missing, or given twice.
+        If places are missing, or given twice.
     ImageError
-        When a file cannot be used.
+        If a file cannot be used.
     OverlapError
-        When two pictures share no pixel.
+        If two pictures share no pixel.
     """
     limit = round(max_megapixels * 1e6)
-    kept = scratch if scratch is not None and (stores or _many(files)) else None
+    kept = scratch if scratch is not None and (stores or _has_many_pixels(files)) else None
     keep = None if kept is None else partial(store, scratch=kept)
     reading = _Reading(limit=limit, scratch=kept, skips=skip_bad, executor=executor, elsewhere=stores)
     sources, wrap = _sources(files, where, reading, 1 if alone else 2)
@@ -254,7 +256,7 @@ def arrange(
     other_groups: tuple[tuple[Path, ...], ...] = ()
     if not transforms:
         finding = finding or PlaceFinding()
-        options = _of_sources(finding, sources, notes, reading.numbers)
+        options = _finding_options(finding, sources, notes, reading.numbers)
         try:
             placement = found_places(layers, options, progress, executor if kept else None, place)
         except ts.OverlapError as error:
@@ -305,7 +307,7 @@ def _given_places(
     *,
     alone: bool,
 ) -> list[Transform]:
-    """Return where the pictures lie, by their file or by the options; none where that has to be found."""
+    """Return the places that files or options give; empty if they have to be found."""
     transforms = [source.transform for source in sources if source.transform is not None]
     if transforms:
         return transforms
@@ -317,7 +319,7 @@ def _given_places(
 
 
 def _layer(source: _Source, picture: Picture, notes: _Notes) -> ts.Layer:
-    """Return a picture as a layer that has no place yet."""
+    """Make a layer of a picture that has no place yet."""
     return ts.Layer(
         picture.pixels,
         alpha=picture.alpha,
@@ -330,7 +332,7 @@ def _layer(source: _Source, picture: Picture, notes: _Notes) -> ts.Layer:
 def _with_fisheyes(
     error: ts.OverlapError, sources: Sequence[_Source], notes: Sequence[_Notes]
 ) -> ts.OverlapError:
-    """Add to an error about pictures that are not placed that a fisheye took one."""
+    """Add a hint at fisheye lenses to an error about pictures that are not placed."""
     bent = [
         source.name
         for source, own in zip(sources, notes, strict=True)
@@ -344,11 +346,11 @@ def _with_fisheyes(
     )
 
 
-def _of_sources(
+def _finding_options(
     finding: PlaceFinding, sources: Sequence[_Source], notes: Sequence[_Notes], numbers: Sequence[int]
 ) -> PlaceOptions:
-    """Return the options for the pictures that were read, with the focal length that is given or that their
-    files agree on.
+    """Return the options for the pictures that were read, with the focal length that is given or that all
+    their files state.
     """
     options = finding.options
     if options.centre is not None:
@@ -366,15 +368,15 @@ def _of_sources(
     return replace(options, focal=float(np.median(known)), about=True)
 
 
-def _many(files: Sequence[Path]) -> bool:
-    """Test whether the pictures have too many pixels to wait in memory."""
+def _has_many_pixels(files: Sequence[Path]) -> bool:
+    """Test whether the pictures have too many pixels for memory."""
     if len(files) == 1 and files[0].suffix.lower() == ".ora":
         return False
     if len(files) == 1 and files[0].suffix.lower() in _LAYOUTS:
         files = [layer.file for layer in layout_in(files[0]).layers]
     total = 0
     for path in files:
-        with suppress(ts.ImageError):  # its reader reports what is wrong
+        with suppress(ts.ImageError):  # raised again where the file is read
             width, height = size_of(path)
             total += width * height
     return total > STORED_PIXELS
@@ -387,7 +389,7 @@ def _masked(
     keeps: Sequence[Keyed],
     limit: int,
 ) -> list[ts.Layer]:
-    """Return the layers with where each may show, and where nothing else may."""
+    """Add to layers the masks where each may show, and where no other may."""
     layers = named.layers
     wanted: dict[str, dict[int, Path]] = {"mask": {}, "keep": {}}
     for kind, keyed in (("mask", masks), ("keep", keeps)):
@@ -410,7 +412,7 @@ def _masked(
 
 
 def saved_layout(job: PlacedPictures, path: Path) -> str:
-    """Return the places of the pictures as a layout, or as a Hugin project, for that file.
+    """Return the places of the pictures as the text of a layout, or of a Hugin project, for that file.
 
     Raises
     ------
@@ -433,7 +435,7 @@ def saved_layout(job: PlacedPictures, path: Path) -> str:
 
 
 def _project(job: PlacedPictures, folder: Path) -> str:
-    """Return the cameras of the pictures as a Hugin project in that folder."""
+    """Return the cameras of the pictures as the text of a Hugin project in that folder."""
     cameras = [one for one in job.transforms if isinstance(one, CameraTransform)]
     if len(cameras) < len(job.layers):
         raise ts.OptionError(
@@ -453,7 +455,7 @@ def _project(job: PlacedPictures, folder: Path) -> str:
 
 
 def layout_in(path: Path) -> Layout:
-    """Read a layout of ours, or a project of Hugin."""
+    """Read our own layout, or a project of Hugin."""
     if path.suffix.lower() != ".pto":
         return read_layout(path)
     project = read_project(path)
@@ -465,7 +467,7 @@ def layout_in(path: Path) -> Layout:
 
 
 def read_avoid(path: Path, shape: tuple[int, int], max_megapixels: float) -> npt.NDArray[np.bool_]:
-    """Read the mask that seams must avoid: the white of a picture of the canvas's size."""
+    """Read the mask that seams must avoid: the white pixels of a picture of the canvas's size."""
     return read_white(path, shape, "the canvas", round(max_megapixels * 1e6))
 
 
@@ -475,8 +477,8 @@ def _sources(
     reading: _Reading,
     least: int,
 ) -> tuple[list[_Source], int | None]:
-    """Return the pictures, with transforms where the file itself says where they lie, and the width of a
-    canvas that goes round.
+    """Read the pictures; return them with their transforms, if the file has any, and the width of a round
+    canvas.
     """
     kind = files[0].suffix.lower()
     if len(files) == 1 and kind in (".ora", *_LAYOUTS):
@@ -538,7 +540,7 @@ def _sources(
 
 
 def _check_size(source: _Source) -> None:
-    """Refuse a picture of another size than that of its camera."""
+    """Refuse a picture whose size differs from that of its camera."""
     if not isinstance(source.transform, CameraTransform):
         return
     height, width = source.picture.pixels.shape[:2]
@@ -551,7 +553,7 @@ def _check_size(source: _Source) -> None:
 
 
 def _check_enough(reading: _Reading, count: int, least: int) -> None:
-    """Refuse a reading of which too few of `count` pictures are left."""
+    """Refuse a reading in which pictures were left out and fewer than `least`, `count`, remain."""
     if reading.lost and count < least:
         given = count + len(reading.lost)
         raise ts.ImageError(f"only {count} of {given} pictures can be read: {reading.reasons[0]}")

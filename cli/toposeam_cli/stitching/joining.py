@@ -1,4 +1,4 @@
-"""Pictures with their places joined: the options of a command become one call of core."""
+"""Join placed pictures: translate the options of a command into one call of core."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ def join(
     Raises
     ------
     TopoSeamError
-        As :func:`toposeam.stitch` raises it, with the file that is meant.
+        As :func:`toposeam.stitch` raises it, with the name of the file.
     """
     given = _keywords(job, find, out)
     layers: Sequence[ts.Layer] = job.layers
     if job.stored and (given["match_tones"] or given["match_shading"]):
-        # What is refused is refused before the pixels are gone through.
+        # Invalid options are refused before the pixels are read.
         ts.layers.StitchOptions.of(given)
         ts.layers.common_canvas(layers, max_megapixels=given["max_megapixels"])
         with share_bar("matching tones", out.quiet) as progress:

@@ -28,7 +28,7 @@ from toposeam_cli.media.pictures.picture import COMPRESSIONS, Keep, Picture, wri
 
 
 def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options that say what is written, and how."""
+    """Add the options of outputs: files, formats and cropping."""
     options = (
         option(
             "-o",
@@ -159,7 +159,7 @@ class Outputs:
 
 
 def numbered(out: Outputs, number: int) -> Outputs:
-    """Return the same outputs for a group of pictures, under names that end in its number."""
+    """Return the same outputs for a group of pictures, with the group's number at the end of their names."""
     paths: dict[str, Any] = {
         field.name: path.with_stem(f"{path.stem}-{number}")
         for field in dataclasses.fields(out)
@@ -169,7 +169,7 @@ def numbered(out: Outputs, number: int) -> Outputs:
 
 
 def write_composite(out: Outputs, picture: Picture, keep: Keep | None = None) -> None:
-    """Write the joined picture itself; what `keep` is, :func:`match_pictures` tells."""
+    """Write the joined picture; `keep` is as for :func:`match_pictures`."""
     if out.output.suffix.lower() == ".dzi":
         write_deep_zoom(out.output, picture, out.force, out.quality, keep)
         return
@@ -178,7 +178,7 @@ def write_composite(out: Outputs, picture: Picture, keep: Keep | None = None) ->
 
 
 def check_outputs(out: Outputs) -> None:
-    """Refuse outputs that cannot be written, before any work is spent on them."""
+    """Refuse outputs that cannot be written, before any work is done for them."""
     suffix = out.output.suffix.lower()
     check_output(out.output, out.force, (*PICTURE_SUFFIXES, ".ora", ".dzi"))
     if suffix == ".dzi":
@@ -216,9 +216,7 @@ def check_outputs(out: Outputs) -> None:
 
 
 def crop_of(out: Outputs, layers: Sequence[ts.Layer], *, goes_round: bool) -> str:
-    """Return the crop of the picture; refuse, before any work is spent on it, one whose format cannot hold
-    it.
-    """
+    """Return the crop of the picture; refuse in advance one that the format of the output cannot hold."""
     if goes_round:
         keeps_holes = out.fill_edges is None and (out.has_alpha or out.background is not None)
         return out.crop or ("outside" if keeps_holes else "inside")
@@ -245,7 +243,7 @@ def crop_of(out: Outputs, layers: Sequence[ts.Layer], *, goes_round: bool) -> st
 
 
 def _opaque(layers: Sequence[ts.Layer]) -> npt.NDArray[np.bool_]:
-    """(H, W) bool: where some layer is opaque."""
+    """(H, W) bool mask, True where some layer is opaque."""
     canvas = extent_of(layers)
     opaque = new_map(canvas.shape, False, bool)
     for layer, place in zip(layers, canvas.places, strict=True):

@@ -1,4 +1,4 @@
-"""Options that say how places are found, and what follows for photographs."""
+"""Options of finding places, and the defaults that follow for photographs."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ KINDS = ("photographs", "scans")
 
 
 def finding_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Return the options that say how places are found."""
+    """Add the options of finding places."""
     options = (
         option(
             "--model",
@@ -114,7 +114,7 @@ def finding_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FindingOptions:
-    """How places are found, as given."""
+    """The options of finding places, as given."""
 
     model: str
     exact: bool
@@ -129,7 +129,7 @@ class FindingOptions:
     kind: str | None
 
     def without_names(self, files: Sequence[Path], members: Sequence[Path]) -> FindingOptions:
-        """Return the options for some of the files, without what names others."""
+        """Return the options for a part of the files, without references to others."""
         centre = None
         if self.centre is not None:
             named = files[_number(files, self.centre, "--centre")]
@@ -137,12 +137,12 @@ class FindingOptions:
         return replace(self, centre=centre, points=None)
 
     def of(self, files: Sequence[Path]) -> PlaceFinding:
-        """Return what they mean for some files.
+        """Check the options and translate them for some files.
 
         Raises
         ------
         OptionError
-            When they mean nothing together, or no file is called as the one in the middle.
+            If they conflict, or the central picture is not one of the files.
         """
         if self.exact and self.model in ("plane", "rotation"):
             raise ts.OptionError(
@@ -156,17 +156,17 @@ class FindingOptions:
             "--centre": self.centre is not None,
             "--fov": self.fov is not None,
         }
-        asked = [name for name, given in of_cameras.items() if given]
-        if asked and (self.exact or self.model not in ("auto", "rotation")):
+        given = [name for name, is_given in of_cameras.items() if is_given]
+        if given and (self.exact or self.model not in ("auto", "rotation")):
             other = "--exact" if self.exact else f"--model {self.model}"
             raise ts.OptionError(
-                f"{asked[0]} is for a camera that turns, not for {other}; leave one of them out"
+                f"{given[0]} is for a camera that turns, not for {other}; leave one of them out"
             )
         if self.exact:
-            asked.append("--exact")
+            given.append("--exact")
         if self.model != "auto":
-            asked.append("--model")
-        asked += [f"--{name}" for name in ("points", "groups") if getattr(self, name)]
+            given.append("--model")
+        given += [f"--{name}" for name in ("points", "groups") if getattr(self, name)]
         centre = None if self.centre is None else _number(files, self.centre, f"--centre {self.centre}")
         options = PlaceOptions(
             model=self.model,
@@ -179,12 +179,12 @@ class FindingOptions:
             points={} if self.points is None else _read_points(self.points, files),
         )
         return PlaceFinding(
-            options=options, focal_mm=self.focal, named=tuple(asked), takes_groups=self.groups
+            options=options, focal_mm=self.focal, named=tuple(given), takes_groups=self.groups
         )
 
 
 def _number(files: Sequence[Path], name: str, said: str) -> int:
-    """Return the number of a picture that is called so, or has that number."""
+    """Find a picture by its name or number."""
     number = picture_number(name, {index: path.name for index, path in enumerate(files)}, len(files))
     if number is not None:
         return number
@@ -195,7 +195,7 @@ def _number(files: Sequence[Path], name: str, said: str) -> int:
 
 
 def _read_points(path: Path, files: Sequence[Path]) -> dict[tuple[int, int], np.ndarray]:
-    """Read the points that pairs of pictures share."""
+    """Read the points that pairs of pictures have in common."""
     check_input(path)
     points: dict[tuple[int, int], list[list[float]]] = {}
     try:
@@ -222,14 +222,14 @@ def _read_points(path: Path, files: Sequence[Path]) -> dict[tuple[int, int], np.
 
 
 def _is_similarity(transform: Transform) -> bool:
-    """Test whether a transform is no more than a move, a turn and a scale."""
+    """Test whether a transform is a translation, rotation and scaling."""
     return isinstance(transform, PlaneTransform) and not transform.matrix[2, :2].any()
 
 
 def with_defaults(
     find: SeamOptions, out: Outputs, job: PlacedPictures, finding: FindingOptions
 ) -> tuple[SeamOptions, Outputs]:
-    """Return the options with the defaults for photographs or for scans where nothing is given."""
+    """Fill in the defaults for photographs or for scans."""
     photographs = finding.kind == "photographs"
     if finding.kind is None:
         found = job.placement is not None and not finding.exact

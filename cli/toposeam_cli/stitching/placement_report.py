@@ -1,4 +1,4 @@
-"""What was found out about the places of pictures, for people and for programs."""
+"""Describe the places that were found, for people and for programs."""
 
 from __future__ import annotations
 
@@ -13,12 +13,13 @@ from toposeam.sentence import counted
 from toposeam_cli.media.pictures.lens import equivalent_mm
 from toposeam_cli.stitching.inputs import PlacedPictures
 
-#: What is left between two pictures is worth a warning from this many px on; so many pairs are named.
-_WORTH_PX, _NAMED = 2.0, 4
+#: Residual, px, above which a pair of pictures is reported, as a step of 2 px in an edge is visible; and the
+#: largest number of pairs that are named.
+_VISIBLE_PX, _MOST_NAMED = 2.0, 4
 
 
 def describe_placement(layers: tuple[ts.Layer, ...], placement: ts.layers.Placement | None) -> list[str]:
-    """Return lines about places that were found."""
+    """Describe the places that were found, in lines of text."""
     if placement is None:
         return []
     if placement.model in ("shift", "similarity"):
@@ -39,7 +40,7 @@ def describe_placement(layers: tuple[ts.Layer, ...], placement: ts.layers.Placem
 
 
 def best_correlation(correlations: dict[tuple[int, int], float], index: int) -> float | None:
-    """Return the best correlation of a picture with another one, None where none is known."""
+    """Return the best correlation of a picture with another one; None if none is known."""
     found = [value for pair, value in correlations.items() if index in pair and np.isfinite(value)]
     return max(found) if found else None
 
@@ -55,28 +56,30 @@ def _moved(layers: tuple[ts.Layer, ...], placement: ts.layers.Placement, index: 
 
 
 def misfits(job: PlacedPictures, at: tuple[int, int] | None) -> list[str]:
-    """Return sentences about what is left between pictures at the points that they share; places are those of
-    the joined picture, which begins at that pixel of the canvas.
+    """Describe the residuals between pictures at their common points, in sentences.
+
+    `at` is the pixel of the canvas at which the joined picture begins; coordinates are those of that picture.
     """
     placement = job.placement
     if placement is None:
         return []
     left, top = np.array(extent_of(job.layers).origin) + (at or (0, 0))
     worst = sorted(placement.residuals.items(), key=lambda item: -item[1].farthest)
-    worth = [(pair, residual) for pair, residual in worst if residual.farthest > _WORTH_PX]
+    worth = [(pair, residual) for pair, residual in worst if residual.farthest > _VISIBLE_PX]
     sentences = [
         f"up to {residual.farthest:.0f} px are left between {job.layers[i].name} and {job.layers[j].name} "
         f"near {residual.near[0] - left:.0f},{residual.near[1] - top:.0f}; look whether the seam runs there"
-        for (i, j), residual in worth[:_NAMED]
+        for (i, j), residual in worth[:_MOST_NAMED]
     ]
-    if len(worth) > _NAMED:
-        sentences.append(f"more than {_WORTH_PX:g} px are left in {len(worth) - _NAMED} more pairs")
+    if len(worth) > _MOST_NAMED:
+        sentences.append(f"more than {_VISIBLE_PX:g} px are left in {len(worth) - _MOST_NAMED} more pairs")
     return sentences
 
 
 def placement_summary(job: PlacedPictures) -> dict[str, Any] | None:
-    """Summarise the places that were found, for ``--json``; None where they were given. What is not known of
-    a camera is None.
+    """Summarise the places that were found, for ``--json``; None if they were given.
+
+    What is not known of a camera is None.
     """
     placement = job.placement
     if placement is None:

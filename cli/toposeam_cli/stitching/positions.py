@@ -15,12 +15,12 @@ from toposeam_cli.app.options import Length, OffsetType, PairType
 from toposeam_cli.media.layouts.tiff_place import FARTHEST, tiff_canvas, tiff_place
 from toposeam_cli.media.pictures.picture import Picture
 
-#: How pictures of a grid follow each other.
+#: The orders in which pictures fill a grid.
 ORDERS = ("rows", "columns", "snake-rows", "snake-columns")
 
 
 def position_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options that say where pictures lie."""
+    """Add the options of the positions of pictures."""
     options = (
         option(
             "--at",
@@ -75,7 +75,7 @@ def position_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Where:
-    """Positions of pictures given on the command line."""
+    """The positions of pictures, as given on the command line."""
 
     at: Sequence[tuple[int, int]] = ()
     offset: tuple[int, int] | None = None
@@ -99,7 +99,7 @@ def places_of(
     numbers: Sequence[int] | None = None,
     count: int | None = None,
 ) -> list[tuple[float, float]] | None:
-    """Return the positions of the pictures, None where not given.
+    """Return the positions of the pictures; None if they are not given.
 
     Parameters
     ----------
@@ -154,7 +154,7 @@ def places_of(
 
 
 def width_round(wrap: int | None, files: Sequence[Path]) -> int | None:
-    """Return the width of a panorama that wraps round; 0 means as the first file says.
+    """Return the width of a panorama that goes round; 0 stands for the width that the first file states.
 
     Raises
     ------
@@ -170,8 +170,7 @@ def width_round(wrap: int | None, files: Sequence[Path]) -> int | None:
 
 
 def _of_tiffs(files: Sequence[Path], pictures: Sequence[Picture]) -> list[tuple[float, float]] | None:
-    """Return the places that all of some TIFF files state; None where one does not, or where all opaque ones
-    would lie on each other.
+    """Return the places that TIFF files state; None if one states none, or if all opaque ones would coincide.
 
     Raises
     ------
@@ -196,8 +195,9 @@ def _of_tiffs(files: Sequence[Path], pictures: Sequence[Picture]) -> list[tuple[
 def _in_grid(
     pictures: Sequence[Picture], where: Where, way: str, numbers: Sequence[int], count: int
 ) -> list[tuple[float, float]]:
-    """Return places row by row, each picture overlapping the one before it, and each row the one above; one
-    that is missing is as large as the first.
+    """Place pictures row by row, each overlapping the one before it and the row above.
+
+    A picture that is missing has the size of the first one.
     """
     if where.overlap is None:
         raise ts.OptionError(f"{way} needs to know how far the pictures overlap; add --overlap, like 25%")
@@ -232,9 +232,7 @@ def _in_grid(
 
 
 def _shifted(a: Picture, b: Picture, overlap: Length | None, side: ts.typing.Side) -> tuple[int, int]:
-    """Return the offset at which B overlaps A by a length at one side of A; the pictures are aligned at the
-    top or left.
-    """
+    """Return the offset of B for an overlap with one side of A; both are aligned at the top or left."""
     if overlap is None:
         raise ts.OptionError("--overlap is missing")
     length = f"{overlap.value}%" if overlap.percent else overlap.value

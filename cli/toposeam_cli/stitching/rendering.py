@@ -1,4 +1,4 @@
-"""A composition rendered, in memory or window by window into files, and cropped to what is written."""
+"""Render a composition in memory, or window by window into files, and crop it."""
 
 from __future__ import annotations
 
@@ -36,25 +36,25 @@ from toposeam_cli.media.pictures.stored import store
 from toposeam_cli.stitching.inputs import PlacedPictures
 from toposeam_cli.stitching.outputs import Outputs, write_composite
 
-#: Rows of a window that are written at once.
-_ROWS = 64
+#: Number of rows of a window that are written at once: keeps copies small.
+_WRITTEN_ROWS = 64
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rendered:
-    """A composition as it is written."""
+    """A rendered composition."""
 
-    #: Cropped to what is written.
+    #: The composition, cropped as it is written.
     composition: ts.layers.Composition
     picture: Picture
-    #: Share of its pixels that no picture showed.
+    #: The fraction of pixels that were filled in, as no picture shows there.
     filled: float = 0.0
-    #: Whether it is in its output already.
+    #: Whether the output file has been written already.
     written: bool = False
 
     @property
     def at(self) -> tuple[int, int] | None:
-        """Where it begins on the canvas, x and y; None where it is all of it."""
+        """The (x, y) of the canvas at which the picture begins; None if it is the whole canvas."""
         view = self.composition.view
         return None if view == self.composition.canvas.box else (view.left, view.top)
 
@@ -68,23 +68,25 @@ def render(
     progress: Callable[[float], None] | None = None,
     executor: Executor | None = None,
 ) -> Rendered:
-    """Render a composition: pictures whose pixels wait in files into files, here or where an executor does
-    so. Where it is known from the first window on what the picture will be, it is written meanwhile; to be
-    called in the block of outputs that writing is called in.
+    """Render a composition; pictures that are stored in files are rendered into files, perhaps by an
+    executor.
+
+    If the first window settles the format of the picture, it is written while it is rendered. So this must be
+    called within the same block of outputs as :func:`write`.
 
     Raises
     ------
     ImageError
-        When it cannot be cropped.
+        If the picture cannot be cropped.
     OutputError
-        When the disk is full.
+        If the disk is full.
     """
     if job.stored:
         return _rendered_to_files(composed, job, out, crop, scratch, progress, executor)
     image, alpha = composed.image, composed.alpha
     filled, view = 0.0, Box(0, 0, *composed.shape)
     if alpha is not None and crop == "inside":
-        image, view, filled = _inside(image, alpha, out)
+        image, view, filled = _cropped_inside(image, alpha, out)
         alpha = None
     elif alpha is not None and out.background is not None:
         image, alpha = on_background(image, alpha, colour_of(out.background)), None
@@ -92,9 +94,10 @@ def render(
     return Rendered(composition=composed.crop(view), picture=picture, filled=filled)
 
 
-def _inside(image: Image, alpha: Image, out: Outputs) -> tuple[Image, Box, float]:
-    """Return the largest rectangle without holes, or with those near a picture filled; where it lies, and the
-    share of it that was filled.
+def _cropped_inside(image: Image, alpha: Image, out: Outputs) -> tuple[Image, Box, float]:
+    """Crop to the largest rectangle without holes; small holes near a picture may be filled first.
+
+    Returns the cropped picture, its box, and the fraction of it that was filled.
     """
     shown = alpha >= full_scale(image.dtype)
     reached = shown
@@ -122,8 +125,9 @@ def write(
     documents: Sequence[tuple[Path, bytes]],
     scratch: Scratch,
 ) -> None:
-    """Write all outputs, or none. Layers that wait in files are not looked at again: what they take in a
-    folder is given back meanwhile.
+    """Write all outputs, or none.
+
+    The stored pixels of layers are not read again, so their disk space is freed first.
     """
     composed, picture = rendered.composition, rendered.picture
     kinds = ((out.labels, LabelPicture), (out.overlay, Overlay))
@@ -146,23 +150,25 @@ def write(
 
 
 class FileSink(ts.layers.Sink):
-    """Keeps a picture, over a background where one is given, in files of raw values: one for colours and one
-    for opacity in each column of windows, since processes that write to one file wait for each other.
+    """Keeps a picture in files of raw values, over a background if one is given.
+
+    Each column of windows has one file for colours and one for opacity, since processes that write to the
+    same file wait for each other.
     """
 
     def __init__(self, scratch: Scratch, background: str | None) -> None:
         self._scratch, self._background = scratch, background
-        #: Called with each window that is done.
+        #: Called with the box of each window that was written.
         self.done: Callable[[Box], None] = lambda box: None
 
     def open(self, shape: tuple[int, ...], dtype: np.dtype) -> None:
-        """Make the files."""
+        """Create the files."""
         height, width = shape[:2]
         self.shape = height, width, 1 if len(shape) == 2 else shape[2]
         self.dtype, self._column = dtype, WINDOW_BLOCKS * BLOCK
         new = (tuple(self._scratch.new() for _ in range(0, width, self._column)) for _ in range(2))
         self._colours, self._opacity = new
-        #: (H, W) bool map.
+        #: (H, W) bool map of opaque pixels.
         self.opaque = new_map((height, width), False, bool)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -170,12 +176,12 @@ class FileSink(ts.layers.Sink):
         return {name: value for name, value in self.__dict__.items() if name not in here}
 
     def write(self, box: Box, pixels: Image, alpha: Image) -> Mask:
-        """Write a window; (H, W) bool map, where it is opaque."""
+        """Write a window; return the (H, W) bool map of its opaque pixels."""
         white, column = full_scale(pixels.dtype), box.left // self._column
         opaque = new_map(self.shape[:2], False, bool)
         opaque[box.slices] = True if self._background is not None else alpha >= white
-        for first in range(0, box.shape[0], _ROWS):  # so that copies are small
-            part, opacity = pixels[first : first + _ROWS], alpha[first : first + _ROWS]
+        for first in range(0, box.shape[0], _WRITTEN_ROWS):  # so that copies are small
+            part, opacity = pixels[first : first + _WRITTEN_ROWS], alpha[first : first + _WRITTEN_ROWS]
             if self._background is not None:
                 part = on_background(part, opacity, colour_of(self._background))
                 opacity = np.full_like(opacity, white)
@@ -185,14 +191,14 @@ class FileSink(ts.layers.Sink):
         return opaque
 
     def take(self, box: Box, answer: Mask) -> None:
-        """Note where a window is opaque."""
+        """Record the opaque pixels of a window."""
         self.opaque[box.slices] = answer[box.slices]
         self.done(box)
 
     def picture(
         self, like: Picture, part: Box | None, *, full: bool, coming: Coming | None = None
     ) -> Picture:
-        """Return the picture, or part of it, with its opacity where it is not `full`."""
+        """Return the picture, or a part of it, with its opacity unless it is `full`."""
         height, width, bands = self.shape
         pixels = Stored(self._colours, self.shape, self.dtype, (0, bands), part, self._column, coming)
         opacity = Stored(self._opacity, (height, width, 1), self.dtype, (0, 1), part, self._column, coming)
@@ -225,7 +231,7 @@ def _rendered_to_files(
     with ExitStack() as block, scratch.failures_told():
 
         def done(box: Box) -> None:
-            """Begin to write the picture when there is a window of it, and go on when there are more."""
+            """Begin to write the picture with its first window, and continue with each further one."""
             nonlocal written
             if full is None:
                 return
@@ -246,7 +252,7 @@ def _rendered_to_files(
 
 
 def _known_full(composed: ts.layers.Composition) -> bool | None:
-    """Test whether all of it is opaque; None where only painting shows it, as layers are partly
+    """Test whether every pixel is opaque; None if this is not known before painting, as layers are partly
     transparent.
     """
     if any((composed.labels(*box.slices) < 0).any() for box in blocks(Box(0, 0, *composed.shape))):
@@ -258,18 +264,18 @@ def _known_full(composed: ts.layers.Composition) -> bool | None:
 def _written(
     out: Outputs, picture: Picture, coming: Coming, scratch: Scratch
 ) -> Iterator[Callable[[int], None]]:
-    """Write a picture while its rows come: the block reports the number of rows, after which all is written.
+    """Write a picture while its rows are rendered; the block reports the number of rows that are complete.
 
-    Packing takes one processor, and as long as painting on many; so it must not wait for that.
+    Compression uses one processor and takes as long as rendering on many, so both must overlap.
     """
     with ThreadPoolExecutor(1, "writing") as thread:
         try:
-            # What it writes belongs to the outputs of the block we are in.
+            # The thread writes to the outputs of the current block.
             write = partial(copy_context().run, write_composite, out, picture)
             writing = thread.submit(write, partial(store, scratch=scratch))
 
             def come(rows: int) -> None:
-                if writing.done():  # too early, so it failed
+                if writing.done():  # before the last row: it failed
                     writing.result()
                 coming.up_to(rows)
 
@@ -281,15 +287,16 @@ def _written(
 
 
 def _write(path: Path, values: npt.NDArray[Any], top: int) -> None:
-    """Write rows into a file of raw values that is as wide as they are."""
+    """Write whole rows into a file of raw values."""
     with path.open("r+b") as file:
         file.seek(top * values[0].nbytes)
         file.write(np.ascontiguousarray(values).data)
 
 
 def _give_back_memory() -> None:
-    """Let the C library return to the system what finding the seams took and is free again; glibc keeps it,
-    which is a gigabyte of a gigapixel.
+    """Return freed memory of the search to the system.
+
+    glibc would keep it, about a gigabyte for a gigapixel.
     """
     with suppress(OSError, AttributeError, TypeError):  # other libraries, other systems
         ctypes.CDLL(None).malloc_trim(0)
@@ -303,7 +310,7 @@ def _is_full(mask: Mask, box: Box) -> bool:
 
 
 class LabelPicture(Windows):
-    """Who shows where, in grays: black for the first layer to white for the last, and where there is none."""
+    """The label map in grays: black for the first layer to white for the last, black where none shows."""
 
     def __init__(self, rendered: Rendered) -> None:
         self._composed = composed = rendered.composition
@@ -312,13 +319,13 @@ class LabelPicture(Windows):
         self._grays = np.append(grays, np.uint8(0))
 
     def read(self, rows: slice, columns: slice) -> Bytes:
-        """Some rows and columns."""
+        """Return some rows and columns."""
         found: Bytes = self._grays[self._composed.labels(rows, columns)]
         return found
 
 
 class Overlay(Windows):
-    """A picture with its seams in red on white."""
+    """A picture with its seams in red, bordered in white."""
 
     def __init__(self, rendered: Rendered) -> None:
         pixels = rendered.picture.pixels
@@ -327,7 +334,7 @@ class Overlay(Windows):
         self._marks = _marks(rendered.composition)
 
     def read(self, rows: slice, columns: slice) -> Bytes:
-        """Some rows and columns."""
+        """Return some rows and columns."""
         part, marks = np.asarray(self._pixels[rows, columns]), self._marks[rows, columns]
         planes = part if part.ndim == 3 else part[..., np.newaxis]
         share = planes / float(full_scale(planes.dtype)) * 255
@@ -337,7 +344,7 @@ class Overlay(Windows):
 
 
 def _marks(composed: ts.layers.Composition) -> Bytes:
-    """(H, W) map: 2 on seams, 1 beside them."""
+    """(H, W) map: 2 on seams, 1 on their border."""
     height, width = composed.shape
     radius = max(1, round(min(composed.shape) / 500))
     corner = np.array([composed.view.left, composed.view.top])

@@ -24,8 +24,9 @@ from toposeam_cli.stitching.search_options import correlations
 
 
 def is_read(quiet: bool) -> bool:
-    """Test whether the report is read: by people who did not ask for quiet, and by batches, which take what
-    it returns and run it without its group.
+    """Test whether anyone reads the report: people who did not pass ``--quiet``, or a batch.
+
+    A batch uses what the command returns, and calls the command without its group.
     """
     return not quiet or click.get_current_context().parent is None
 
@@ -33,8 +34,9 @@ def is_read(quiet: bool) -> bool:
 def summary_of_job(
     rendered: Rendered, job: PlacedPictures, aligned: ts.layers.Aligned | None
 ) -> dict[str, Any]:
-    """Summarise a result for ``--json``. Of pictures that wait in files the optima, which take longer than
-    the seams, are left out.
+    """Summarise a result for ``--json``.
+
+    For pictures that are stored in files the optima are left out, as they take longer than the seams.
     """
     summary = rendered.composition.summary(optima=not job.stored)
     for index, place in enumerate(summary["layers"]):
@@ -56,7 +58,7 @@ def line_of_job(
     out: Outputs,
     executor: Executor | None = None,
 ) -> str:
-    """Describe a result for people: how its pictures were placed, then one line."""
+    """Describe a result for people: the places of its pictures, then one line."""
     composed = rendered.composition
     height, width = composed.shape
     text = f"{out.output}: {width} × {height} px, {_describe_seams(composed, executor)}"
@@ -74,7 +76,7 @@ def line_of_job(
 
 
 def _describe_seams(composed: ts.layers.Composition, executor: Executor | None) -> str:
-    """Describe the seams of a composition, and whether they will be seen in what it shows."""
+    """Describe the seams of a composition, and whether they are visible in the picture."""
     if not composed.pairs:
         return f"{len(composed.names)} layers without a seam"
     figures, solution = composed.figures(executor).values(), composed.solution
@@ -101,13 +103,13 @@ def _describe_seams(composed: ts.layers.Composition, executor: Executor | None) 
 def _worst_inside(
     verdicts: Sequence[Verdict | None], crop: tuple[int, int, int, int] | None
 ) -> Verdict | None:
-    """Choose the worst of some verdicts about what a crop shows."""
+    """Choose the verdict on the worst seam inside a crop."""
     known = [verdict.inside(crop) for verdict in verdicts if verdict is not None]
     return min(known, key=lambda verdict: verdict.worst) if known else None
 
 
 def _kept_by(out: Outputs) -> str:
-    """Return which options keep all of a picture, unless its crop was asked for."""
+    """Name the options that keep the whole picture, unless a crop was given."""
     context = click.get_current_context()
     given = (context.get_parameter_source(name) for name in ("crop", "fill_edges"))
     if ParameterSource.COMMANDLINE in given:
@@ -117,7 +119,7 @@ def _kept_by(out: Outputs) -> str:
 
 
 def _describe_alignment(layers: tuple[ts.Layer, ...], aligned: ts.layers.Aligned | None) -> list[str]:
-    """Return one line per layer that was moved."""
+    """Describe each layer that was moved, in one line."""
     if aligned is None:
         return []
     lines = []
@@ -131,8 +133,8 @@ def _describe_alignment(layers: tuple[ts.Layer, ...], aligned: ts.layers.Aligned
 
 
 def hidden(composed: ts.layers.Composition, remedy: str) -> list[str]:
-    """Return a sentence about the pictures that show nowhere, where there are any, and what lets them
-    show.
+    """Name the pictures that show nowhere, in a sentence, with the option that makes them show; empty if
+    there are none.
     """
     names = [composed.names[index] for index in composed.hidden]
     if not names:
@@ -144,9 +146,7 @@ def hidden(composed: ts.layers.Composition, remedy: str) -> list[str]:
 def documents_of(
     rendered: Rendered, job: PlacedPictures, out: Outputs, executor: Executor | None
 ) -> list[tuple[Path, bytes]]:
-    """Return the documents that belong to a result, with their files: seams, how one was found, places, and a
-    page.
-    """
+    """Return the documents of a result, with their files: seams, history, places and page."""
     composed, documents = rendered.composition, list[tuple[Path, bytes]]()
     if out.seam is not None:
         one = composed.seams[0] if len(job.layers) == 2 and not job.stored else composed

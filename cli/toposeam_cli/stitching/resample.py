@@ -1,6 +1,6 @@
-"""Layers laid on the canvas, and their tones matched: pixels are computed once, and wait in files.
+"""Warp layers onto the canvas and match their tones; pixels are computed once and stored in files.
 
-Layers that are more than moved are warped by libvips, a strip at a time.
+Layers that are more than translated are warped by libvips, a strip at a time.
 """
 
 from __future__ import annotations
@@ -23,8 +23,9 @@ from toposeam_cli.media.pictures.libvips import channels, evaluate, load_vips, t
 from toposeam_cli.media.pictures.picture import Picture
 from toposeam_cli.media.pictures.stored import stored_at, stored_in
 
-#: Rows of the canvas that are warped at once; rows and columns beyond it that a bicubic spline needs.
-_ROWS, _MARGIN = 128, 4
+#: Number of rows of the canvas that are warped at once, and margin of source rows, px, that a bicubic spline
+#: needs.
+_STRIP_ROWS, _SPLINE_MARGIN = 128, 4
 
 
 def placed_layers(
@@ -34,8 +35,10 @@ def placed_layers(
     executor: Executor | None,
     max_megapixels: float = ts.MAX_PIXELS / 1e6,
 ) -> list[ts.Layer]:
-    """Return the layers on the canvas. Those that are more than moved are warped, and where pixels wait in
-    files one at a time, or several where an executor does that.
+    """Put layers on the canvas.
+
+    Layers that are more than translated are warped: one at a time if pixels are stored in files, or several
+    if an executor does it.
 
     Raises
     ------
@@ -61,7 +64,7 @@ def toned_layers(
     executor: Executor | None,
     progress: Callable[[float], None] | None = None,
 ) -> list[ts.Layer]:
-    """Return the layers with their tones matched. What joins them reads every pixel several times.
+    """Match the tones of layers, and store them, since the search reads every pixel several times.
 
     Raises
     ------
@@ -84,7 +87,7 @@ def _toned(item: tuple[ts.Layer, Path]) -> ts.Layer:
 
 
 def _blank(layer: ts.Layer, transform: Transform) -> ts.Layer:
-    """A layer of the size and at the place that another one is to have; its pixels need no memory."""
+    """Make a layer of the size and place of a warped one, whose pixels take no memory."""
     if is_move(transform):
         return on_canvas(layer, transform)
     box = warped_box(layer, transform)
@@ -94,7 +97,7 @@ def _blank(layer: ts.Layer, transform: Transform) -> ts.Layer:
 
 @dataclass(frozen=True, slots=True)
 class _Warp:
-    """A layer that is to be placed, and the file in which its pixels are to wait."""
+    """A layer to be warped, and the file for its pixels."""
 
     layer: ts.Layer
     transform: Transform
@@ -129,19 +132,19 @@ def _warped(item: _Warp) -> ts.Layer:
 def _strips(
     layer: ts.Layer, transform: Transform, box: Box, masks: dict[str, np.ndarray]
 ) -> Iterator[Picture]:
-    """Yield a warped picture a few rows at a time, and fill its masks."""
+    """Yield the strips of a warped picture, and fill its masks."""
     height, width = layer.image.shape[:2]
     dtype = layer.image.dtype
     colours = (3,) if channels(layer.image) == 3 else ()
-    for top in range(box.top, box.bottom, _ROWS):
-        part = Box(top, box.left, min(top + _ROWS, box.bottom), box.right)
+    for top in range(box.top, box.bottom, _STRIP_ROWS):
+        part = Box(top, box.left, min(top + _STRIP_ROWS, box.bottom), box.right)
         at = coordinates(transform, part)
         shown = inside(at, (width, height))
         opacity = shown.astype(np.float32)
         if shown.any():
             rows = np.where(shown, at[..., 1], at[..., 1][shown][0])
-            low = max(int(rows.min()) - _MARGIN, 0)
-            source = slice(low, int(rows.max()) + _MARGIN + 2), slice(None)
+            low = max(int(rows.min()) - _SPLINE_MARGIN, 0)
+            source = slice(low, int(rows.max()) + _SPLINE_MARGIN + 2), slice(None)
             where = (at - np.array([0, low])).astype(np.float32)
             values = _looked_up(np.asarray(layer.image[source]), where, "bicubic")
             pixels = values.reshape(*part.shape, *colours)
@@ -159,7 +162,7 @@ def _strips(
 
 
 def _looked_up(values: np.ndarray, where: np.ndarray, interpolate: str) -> np.ndarray:
-    """Return the values of an image at (h, w, 2) coordinates x and y."""
+    """Interpolate the values of an image at (h, w, 2) coordinates x and y."""
     vips = load_vips()
     image: Any = to_vips(values).mapim(
         vips.Image.new_from_array(where), interpolate=vips.Interpolate.new(interpolate), extend="copy"

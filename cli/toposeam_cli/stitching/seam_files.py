@@ -1,4 +1,4 @@
-"""Seams that were drawn or kept, read from files, and which pictures each divides."""
+"""Read seams that were drawn or kept, with the pair of pictures that each divides."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from toposeam_cli.stitching.inputs import PlacedPictures
 
 
 def given_seams(files: Sequence[Keyed], placed: PlacedPictures) -> dict[tuple[int, int], ts.vector.SvgSeam]:
-    """Return the seams of ``--use-seam`` by pair: ``seam.svg``, ``0:1=seam.svg``, or a file in which paths
-    are named after their pairs.
+    """Read the seams of ``--use-seam`` by pair.
+
+    It is ``seam.svg``, ``0:1=seam.svg``, or a file in which paths are named after their pairs.
     """
     seams: dict[tuple[int, int], ts.vector.SvgSeam] = {}
     names = [layer.name for layer in placed.layers]
@@ -76,7 +77,7 @@ def _by_name(
 
 
 def _of_lost(names: Sequence[str], lost: Sequence[str]) -> set[str]:
-    """Return the names of the seams of pictures that were left out."""
+    """Name the seams of pictures that were left out."""
     every = [*names, *lost]
     return {
         ts.layers.pair_name(*pair) for one in lost for other in every for pair in ((one, other), (other, one))

@@ -1,4 +1,4 @@
-"""A composite with its seams as one HTML page that needs nothing else."""
+"""A composite with its seams as one HTML page without further files."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from toposeam.images import full_scale
 from toposeam.sentence import counted
 from toposeam_cli.stitching.rendering import Rendered
 
-#: The pictures in the page are reduced to this many px a side.
-_LARGEST = 1600
+#: Largest side of the pictures in the page, px: larger ones are reduced.
+_LARGEST_SIDE = 1600
 
 Pair = tuple[int, int]
 
@@ -40,11 +40,11 @@ def seam_page(
     """
     composed, picture = rendered.composition, rendered.picture
     height, width = composed.shape
-    step = max(1, -(-max(height, width) // _LARGEST))
+    step = max(1, -(-max(height, width) // _LARGEST_SIDE))
     every = slice(0, None, step)
     after = _bytes(picture.pixels[every, every])
     opaque = None if picture.alpha is None else _bytes(picture.alpha[every, every])
-    before, seen = _laid(layers, composed, step)
+    before, covered = _stacked(layers, composed, step)
     names = [layer.name for layer in layers]
     rows, paths = [], []
     for number, seam in enumerate(composed.outlines):
@@ -71,7 +71,7 @@ def seam_page(
         "title": escape(title),
         "summary": f"{len(names)} pictures, {counted(len(rows), 'seam')} of cost {composed.cost:.4g}, "
         f"{width} × {height} px.",
-        "before": _data(before, seen),
+        "before": _data(before, covered),
         "after": _data(after, opaque),
         "left": str(composed.view.left),
         "top": str(composed.view.top),
@@ -85,10 +85,10 @@ def seam_page(
     return re.sub(r"\{\{(\w+)\}\}", lambda place: places[place[1]], page)
 
 
-def _laid(
+def _stacked(
     layers: Sequence[ts.Layer], composed: ts.layers.Composition, step: int
 ) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
-    """Return the layers on each other, later ones on top, and where there is any."""
+    """Stack the layers, later ones on top; return the picture, and the mask where there is any."""
     height, width = (-(-side // step) for side in composed.shape)
     image, alpha = np.zeros((height, width, 3), np.uint8), np.zeros((height, width), np.uint8)
     for layer in layers:
@@ -113,7 +113,7 @@ def _bytes(values: npt.NDArray[Any]) -> npt.NDArray[np.uint8]:
 
 
 def _data(image: npt.NDArray[np.uint8], alpha: npt.NDArray[np.uint8] | None) -> str:
-    """Return a picture as the address of itself: JPEG where it is opaque, else WebP."""
+    """Encode a picture as a data URL: JPEG if it is opaque, else WebP."""
     from PIL import Image
 
     colour = image if image.ndim == 3 else np.repeat(image[..., np.newaxis], 3, axis=2)

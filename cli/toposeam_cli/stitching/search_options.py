@@ -11,7 +11,7 @@ from typing import Any, get_args
 import click
 
 import toposeam as ts
-from toposeam.layers.composite.local_warp import MOST
+from toposeam.layers.composite.options import MOST_BENT
 from toposeam.layers.execution.tasks import Executor
 from toposeam.layers.search.options import Effort
 from toposeam_cli.app.command import option
@@ -111,7 +111,7 @@ def seam_options(command: Callable[..., Any]) -> Callable[..., Any]:
         option(
             "--give",
             heading="Seam",
-            type=click.IntRange(1, MOST),
+            type=click.IntRange(1, MOST_BENT),
             metavar="PX",
             help="Bend the pictures by up to PX pixels until what crosses a seam goes on behind it; for "
             "what stood "

@@ -56,7 +56,8 @@ def test_the_file_is_the_same_for_any_number_of_processes(six, waiting, toposeam
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("where", "does"), [((), {"look_at", "_shared_with", "_matched"}), (("six.toml", "--align"), {"_match"})]
+    ("where", "does"),
+    [((), {"describe_picture", "_shared_with", "_match_pair"}), (("six.toml", "--align"), {"_match"})],
 )
 def test_places_are_found_by_workers(six, waiting, toposeam, caplog, where, does):
     caplog.set_level("DEBUG", "toposeam_cli.jobs.crew")

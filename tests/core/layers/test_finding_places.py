@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 import toposeam as ts
 from toposeam.layers.registration import pair_matching as pairing
 from toposeam.layers.registration import pose_graph as adjustment
-from toposeam.layers.registration.features import Look, look_at, shared_features
+from toposeam.layers.registration.features import FeatureSet, describe_picture, shared_features
 from toposeam.layers.registration.refusals import check_joined
 
 WHOLE = data.camera()[120:220, 100:360]
@@ -38,7 +38,7 @@ def test_progress_tells_of_each_picture_and_each_pair():
     assert seen == pytest.approx([*looked, *shared, *compared, 1.0])
 
 
-@pytest.mark.parametrize("name", ["shared_features", "_match"])
+@pytest.mark.parametrize("name", ["shared_features", "_match_similarity"])
 def test_pairs_are_compared_on_one_thread(name, monkeypatch):
     """On several they wait for each other: many times as long on small matrices."""
     own, threads = getattr(pairing, name), []
@@ -55,7 +55,7 @@ def test_pairs_are_compared_on_one_thread(name, monkeypatch):
 
 @pytest.mark.medium
 def test_equal_pictures_are_looked_at_once(monkeypatch):
-    looks, tried = counted(monkeypatch, "look_at"), counted(monkeypatch, "_match")
+    looks, tried = counted(monkeypatch, "describe_picture"), counted(monkeypatch, "_match_similarity")
     found = ts.find_places(crops(*[0] * 8, *[40] * 8))
     assert len(looks) == 2
     assert len(tried) <= 3  # the first with itself, with the second, and that with itself
@@ -79,7 +79,7 @@ def test_what_makes_pictures_equal_is_all_that_is_compared():
 
 @pytest.mark.slow
 def test_pictures_joined_by_enough_pairs_are_matched_no_more(monkeypatch):
-    tried = counted(monkeypatch, "_match")
+    tried = counted(monkeypatch, "_match_similarity")
     assert len(ts.find_places(crops(0, 15, 30, 45)).correlations) == len(tried) == 6
     tried.clear()
     monkeypatch.setattr(pairing, "_FORESTS", 1)
@@ -89,15 +89,15 @@ def test_pictures_joined_by_enough_pairs_are_matched_no_more(monkeypatch):
 
 
 def test_shared_features_are_those_of_skimage():
-    first, second = (look_at(layer) for layer in crops(0, 30))
+    first, second = (describe_picture(layer) for layer in crops(0, 30))
     expected = feature.match_descriptors(
         first.descriptors, second.descriptors, max_ratio=0.85, cross_check=True
     )
     assert len(expected) > 5
     np.testing.assert_array_equal(shared_features(first, second), expected)
-    nothing = Look(first.detail, first.known, 1, np.zeros((0, 2)), np.zeros((0, 128), np.uint8))
+    nothing = FeatureSet(first.detail, first.known, 1, np.zeros((0, 2)), np.zeros((0, 128), np.uint8))
     assert shared_features(first, nothing).shape == (0, 2)
-    single = Look(first.detail, first.known, 1, first.keypoints[:1], first.descriptors[:1])
+    single = FeatureSet(first.detail, first.known, 1, first.keypoints[:1], first.descriptors[:1])
     expected = feature.match_descriptors(
         first.descriptors, single.descriptors, max_ratio=0.85, cross_check=True
     )
@@ -105,13 +105,13 @@ def test_shared_features_are_those_of_skimage():
 
 
 def test_features_that_moved_every_which_way_are_not_tried(monkeypatch):
-    a, b = (look_at(layer) for layer in crops(0, 30))
+    a, b = (describe_picture(layer) for layer in crops(0, 30))
     found = shared_features(a, b)
-    assert pairing._agree(a, b, found)
+    assert pairing._moved_alike(a, b, found)
     rng = np.random.default_rng(0)
-    far = Look(b.detail, b.known, 1, rng.uniform(-4000, 4000, b.keypoints.shape), b.descriptors)
-    assert not pairing._agree(a, far, found)
-    assert pairing._match(a, far, found) is None
+    far = FeatureSet(b.detail, b.known, 1, rng.uniform(-4000, 4000, b.keypoints.shape), b.descriptors)
+    assert not pairing._moved_alike(a, far, found)
+    assert pairing._match_similarity(a, far, found) is None
 
 
 def matches_of(truth, rng, noise, count=20):
@@ -136,10 +136,10 @@ def test_a_few_poor_patches_are_no_reason_to_turn_pictures():
     few = {key: dataclasses.replace(m, first=m.first[:6], second=m.second[:6]) for key, m in matches.items()}
     matches[3, 4] = few[3, 4]
     sizes = np.full((5, 2), 100)
-    transforms = adjustment.adjusted(sizes, matches).transforms
+    transforms = adjustment.adjust_transforms(sizes, matches).transforms
     assert (transforms[:, 1] == 0).all()
     turned = matches_of([(80.0 * i, 0.02 * (i % 2)) for i in range(5)], rng, 0.05)
-    transforms = adjustment.adjusted(sizes, turned).transforms
+    transforms = adjustment.adjust_transforms(sizes, turned).transforms
     np.testing.assert_allclose(transforms[:, 1], [0, 0.02, 0, 0.02, 0], atol=2e-3)
 
 
@@ -147,17 +147,17 @@ def test_pictures_are_turned_for_a_small_gain_in_misfit():
     """Shifts alone leave a quarter of a pixel between the patches, and a pixel and more at the corners."""
     matches = matches_of([(80.0 * i, 0.01 * (i % 2)) for i in range(5)], np.random.default_rng(5), 0.05)
     shifted = adjustment.least_squares(5, matches, "shift")
-    found = adjustment.adjusted(np.full((5, 2), 100), matches)
+    found = adjustment.adjust_transforms(np.full((5, 2), 100), matches)
     assert shifted.misfit < 0.35
     np.testing.assert_allclose(found.transforms[:, 1], [0, 0.01, 0, 0.01, 0], atol=2e-3)
 
 
 def test_turns_below_a_third_of_a_pixel_are_not_made():
     matches = matches_of([(80.0 * i, 0.002 * (i % 2)) for i in range(5)], np.random.default_rng(5), 0.01)
-    assert (adjustment.adjusted(np.full((5, 2), 100), matches).transforms[:, 1] == 0).all()
+    assert (adjustment.adjust_transforms(np.full((5, 2), 100), matches).transforms[:, 1] == 0).all()
     matches = matches_of([(80.0 * i, 0.008 * (i % 2)) for i in range(5)], np.random.default_rng(5), 0.01)
-    assert (adjustment.adjusted(np.full((5, 2), 20), matches).transforms[:, 1] == 0).all()
-    assert (adjustment.adjusted(np.full((5, 2), 300), matches).transforms[:, 1] != 0).any()
+    assert (adjustment.adjust_transforms(np.full((5, 2), 20), matches).transforms[:, 1] == 0).all()
+    assert (adjustment.adjust_transforms(np.full((5, 2), 300), matches).transforms[:, 1] != 0).any()
 
 
 def test_matching_errors_along_a_narrow_overlap_do_not_scale():
@@ -168,7 +168,7 @@ def test_matching_errors_along_a_narrow_overlap_do_not_scale():
     off = 0.002 * (first - first.mean(axis=0)) + rng.normal(0, 0.02, (40, 2))
     second = first - (120, 8) + off
     matches = {(0, 1): dataclasses.replace(match, first=first, second=second)}
-    found = adjustment.adjusted(np.array([[160, 180], [152, 180]]), matches).transforms
+    found = adjustment.adjust_transforms(np.array([[160, 180], [152, 180]]), matches).transforms
     np.testing.assert_allclose(found[1], [1, 0, 120, 8], atol=0.05)
 
 

@@ -18,7 +18,7 @@ import toposeam as ts
 from toposeam.layers.canvas import similarity
 from toposeam.layers.registration import features
 from toposeam.layers.registration import find_places as placing
-from toposeam.layers.registration.pair_matching import Sightings
+from toposeam.layers.registration.pair_matching import PairMatcher
 
 SIZE = (260, 200)
 FOCAL = 300.0
@@ -57,12 +57,12 @@ def found(kind):
 @pytest.fixture
 def seen_once(monkeypatch):
     """Pictures are looked at once for all tests."""
-    monkeypatch.setattr(placing, "Sightings", lambda pictures, *_: sightings(tuple(pictures)))
+    monkeypatch.setattr(placing, "PairMatcher", lambda pictures, *_: sightings(tuple(pictures)))
 
 
 @cache
 def sightings(pictures):
-    return Sightings(pictures, lambda _: None)
+    return PairMatcher(pictures, lambda _: None)
 
 
 @pytest.mark.medium
@@ -255,17 +255,17 @@ def test_what_is_said_of_the_camera_reaches_the_transforms():
 @pytest.mark.usefixtures("seen_once")
 def test_a_focal_length_that_is_said_about_is_found():
     options = placing.PlaceOptions(model="rotation", focal=320.0, about=True, lens=0.0)
-    placement = placing.found_places(from_a_point()[0], options, None, None, placing._placed_here)
+    placement = placing.found_places(from_a_point()[0], options, None, None, placing._place_in_memory)
     assert placement.focal == pytest.approx(FOCAL, rel=0.02)
 
 
 @pytest.mark.medium
 def test_large_pictures_are_compared_reduced(monkeypatch):
     """Of a row and a column that fill no reduced pixel nothing is compared; they are there all the same."""
-    monkeypatch.setattr(features, "_FINE_PIXELS", 30_000)
+    monkeypatch.setattr(features, "_DETAIL_PIXELS", 30_000)
     layers, cameras = from_a_point()
     odd = [ts.Layer(layer.image[:199, :259], name=layer.name) for layer in layers]
-    assert features.look_at(odd[0]).fine == 2
+    assert features.describe_picture(odd[0]).detail_scale == 2
     placement = ts.find_places(odd, model="rotation")
     assert {transform.size for transform in placement.transforms} == {(259, 199)}
     assert placement.sizes == ((259, 199),) * 3
@@ -355,7 +355,7 @@ def test_an_executor_changes_nothing(kind):
     placement = ts.find_places(
         {"point": from_a_point, "wall": before_the_wall}[kind]()[0], executor=elsewhere
     )
-    assert {"look_at", "_matched", "_laid"} <= elsewhere.functions
+    assert {"describe_picture", "_match_pair", "_align_patches"} <= elsewhere.functions
     assert placement.model == here.model
     assert placement.residuals == here.residuals
     assert placement.focal == here.focal

@@ -1,8 +1,8 @@
-"""Blends across the seams of a composite, by name, and the tiles in which they are made.
+"""Blend across the seams of a composite, tile by tile, by a blend that is chosen by name.
 
 =============  ===========================================================================================
 ``none``       nothing: a hard cut
-``feather``    along the seam the two layers fade into each other, over `width` px (`fading`)
+``feather``    the two layers fade into each other across the seam, over `width` px (`fading`)
 ``soft``       they fade as the label potential of the heat method does: wide where the layers agree,
                narrow elsewhere (`fading`)
 ``multiband``  coarse shades fade over `width` px, fine detail over few (`multiband`)
@@ -10,9 +10,9 @@
                or over `width` px; a layer inside another one takes over its tones
 =============  ===========================================================================================
 
-Only pixels near seams change but with ``gradient``. Where one layer has no pixels, the others make up for it.
-Work is done in tiles, so that memory does not grow with the picture but with ``gradient``. Opacity fades with
-``feather`` and ``soft`` and stays as it is otherwise.
+Only pixels near seams change, except with ``gradient``. Where a layer has no pixels, the weights of the
+others are scaled up. Blends work in tiles, so that memory does not grow with the picture, again except with
+``gradient``. Opacity fades with ``feather`` and ``soft`` and is unchanged otherwise.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from toposeam.layers.canvas.layer import Box, cut
 from toposeam.layers.canvas.tile_map import uniform
 
 BLENDS: tuple[Blend, ...] = get_args(Blend)
-#: Where each is, loaded when it is asked for.
+#: Module and class of each blend, imported on first use.
 _CLASSES: dict[Blend, tuple[str, str]] = {
     "none": ("mixing", "HardCut"),
     "feather": ("fading", "Feather"),
@@ -42,17 +42,17 @@ _CLASSES: dict[Blend, tuple[str, str]] = {
     "multiband": ("multiband", "Multiband"),
     "gradient": ("gradient_domain", "GradientDomain"),
 }
-#: Widths that make sense: beyond, tiles would no longer bound the memory.
+#: Largest width, px: with wider margins tiles would no longer bound the memory.
 WIDEST = 512.0
 
 
 def blending_of(blend: str, width: float | None = None) -> Blending:
-    """Return a blend by its name, over a width in px.
+    """Return a blend by its name, with a width in px.
 
     Raises
     ------
     OptionError
-        When there is none of that name, it has no width, or none like that.
+        If there is no such blend, it takes no width, or the width is out of range.
 
     Examples
     --------
@@ -103,7 +103,7 @@ class Blender:
         The layer that shows at each pixel.
     blending : Blending
     fadings : callable
-        Return the label potentials of the seams; called only where they are needed.
+        Return the label potentials of the seams; called only if the blend needs them.
     """
 
     def __init__(
@@ -122,9 +122,9 @@ class Blender:
         Parameters
         ----------
         tile : Box
-            Its upper left corner at multiples of `BLOCK` px.
+            A box of the canvas; its upper left corner is at multiples of `BLOCK` px.
         image, alpha : (h, w[, C]) and (h, w) arrays
-            The tile, a hard cut.
+            The hard cut in the tile, and its opacity.
         """
         part = None if self._mix is None else self._near_seams(tile)
         if part is None or self._mix is None:
@@ -133,7 +133,7 @@ class Blender:
         top, left = (edge // step * step for edge in part[:2])
         bottom, right = (-(-edge // step) * step for edge in part[2:])
         around = Box(top, left, bottom, right).grown(1 if within is None else within)
-        if step > 1:  # beyond the canvas there is nothing to be mixed
+        if step > 1:  # nothing is mixed beyond the canvas
             around = around.shared(Box(0, 0, *(-(-side // step) * step for side in canvas.shape)))
         shows = cut(self._labels, canvas.box, around, fill=-1)
         index = [k for k, place in enumerate(canvas.places) if all(place.shared(around).shape)]
@@ -147,7 +147,7 @@ class Blender:
             _write(alpha[here], opacity[inner], now, float(full_scale(alpha.dtype)))
 
     def _near_seams(self, tile: Box) -> Box | None:
-        """The part of a tile that seams may change."""
+        """Return the part of a tile that the blend of nearby seams may change; None if there is none."""
         reach = self._blending.changes_within
         if reach is None:
             return tile
@@ -167,7 +167,7 @@ class Blender:
 
 
 def _write(target: npt.NDArray[Any], values: Floats32, where: Mask, white: float) -> None:
-    """Put float values, of which 1 is `white`, where they have changed; both with or without channels."""
+    """Convert float values, in which 1 is `white`, to the target's dtype and write them at `where`."""
     if values.ndim == 3:
         planes = target[..., np.newaxis] if target.ndim == 2 else target
         for channel in range(values.shape[2]):

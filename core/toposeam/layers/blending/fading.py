@@ -1,4 +1,4 @@
-"""Layers that fade into each other: evenly across the seam, or as the label potential does."""
+"""Blends in which layers fade into each other: evenly across the seam, or as the label potential does."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from toposeam.layers.blending.mixing import SETTLED, Blending, Fading, Mix, chan
 from toposeam.layers.canvas.canvas import Canvas
 from toposeam.layers.canvas.layer import Box, cut
 
-#: Of each layer its weights on what it has in common with a box.
+#: Computes the weights of the given layers, each on the common box of its place and a box.
 Weights = Callable[[Box, Labels, list[int]], dict[int, Floats32]]
 
 
 class Feather(Blending):
-    """The layers fade evenly along the seam, over the width."""
+    """Layers fade into each other evenly across the seam, over the width."""
 
     name = "feather"
     takes_width = True
@@ -30,31 +30,31 @@ class Feather(Blending):
 
     @property
     def changes_within(self) -> int:
-        """Twice the width, px."""
+        """The distance from a seam, px, up to which pixels change: twice the width."""
         return 2 * self._size + 2
 
     def mixer(self, canvas: Canvas, labels: Labels, fadings: Sequence[Fading]) -> Mix:
-        """Mix by weights that change evenly, and end before a layer does."""
+        """Mix by weights that change evenly across the seam, and reach 0 at the end of a layer."""
         return _faded(canvas, _even_weights(canvas, self._size))
 
 
 class Soft(Blending):
-    """The layers fade as the label potential does: wide where they agree, narrow elsewhere."""
+    """Layers fade as the label potential does: over a wide band where they agree, a narrow one elsewhere."""
 
     name = "soft"
     needs_potential = True
     without_potential = "feather"
-    #: As far as potentials usually reach, px.
-    _REACH = 32.0
+    #: Usual width of the band in which label potentials change, px.
+    _POTENTIAL_REACH = 32.0
 
     @property
     def reach(self) -> float:
-        """How far potentials usually reach, px."""
-        return self._REACH
+        """Usual width of the band in which label potentials change, px."""
+        return self._POTENTIAL_REACH
 
     @property
     def changes_within(self) -> None:
-        """Potentials say so."""
+        """None: the label potentials determine it."""
         return
 
     def mixer(self, canvas: Canvas, labels: Labels, fadings: Sequence[Fading]) -> Mix:
@@ -63,7 +63,7 @@ class Soft(Blending):
 
 
 def _faded(canvas: Canvas, weights: Weights) -> Mix:
-    """Mix layers by weights; opacity fades with them."""
+    """Mix layers, and their opacity, by weights."""
 
     def mix(box: Box, shows: Labels, index: list[int]) -> tuple[Floats32, Floats32 | None, Mask]:
         channels = channels_of(canvas)
@@ -92,7 +92,7 @@ def _faded(canvas: Canvas, weights: Weights) -> Mix:
 
 
 def _even_weights(canvas: Canvas, size: int) -> Weights:
-    """Weights that change evenly across the seam, and end before a layer does."""
+    """Compute weights that change evenly across the seam, and reach 0 at the end of a layer."""
 
     def smooth(mask: Mask) -> Floats32:
         found: Floats32 = scipy.ndimage.uniform_filter(mask.astype(np.float32), size, mode="nearest")
@@ -100,12 +100,12 @@ def _even_weights(canvas: Canvas, size: int) -> Weights:
 
     def weights(box: Box, shows: Labels, index: list[int]) -> dict[int, Floats32]:
         ground = shows >= 0
-        # Beyond the layers there is nothing to mix in.
+        # Divide by the share of covered pixels, as nothing is mixed in beyond the layers.
         reach: Floats32 = np.maximum(smooth(ground), np.float32(0.5 / size**2))
         result = {}
         for k in index:
             common = canvas.places[k].shared(box)
-            around = common.grown(size).shared(box)  # beyond, its weights are 0
+            around = common.grown(size).shared(box)  # its weights are 0 beyond
             near, inner = around.within(box), common.within(around)
             own = shows[near] == k
             if not own.any():
@@ -120,7 +120,7 @@ def _even_weights(canvas: Canvas, size: int) -> Weights:
 
 
 def _potential_weights(places: Sequence[Box], fadings: Sequence[Fading]) -> Weights:
-    """Weights from the label potential of each pair of layers."""
+    """Compute weights from the label potential of each pair of layers."""
 
     def weights(box: Box, shows: Labels, index: list[int]) -> dict[int, Floats32]:
         result = {k: (shows == k).astype(np.float32) for k in index}

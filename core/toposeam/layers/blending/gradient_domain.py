@@ -32,18 +32,18 @@ from toposeam.layers.canvas.tile_map import dense
 
 
 class GradientDomain(Blending):
-    """The step between the layers is spread over the picture, or over the width."""
+    """The step between layers is spread over the whole picture, or over the width."""
 
     name = "gradient"
     takes_width = True
     needs_whole = True
-    #: What differs evenly over this many px is taken away.
-    _REACH = 8.0
+    #: Even differences of layers over this many px from a seam are removed by the correction.
+    _EVEN_REACH = 8.0
 
     @property
     def reach(self) -> float:
-        """Over how many px what differs evenly is taken away."""
-        return self._REACH
+        """Distance from a seam, px, over which even differences of the layers are removed."""
+        return self._EVEN_REACH
 
     def spread(self, canvas: Canvas, labels: Labels, image: Image, *, goes_round: bool) -> None:
         """Blend a whole composite in place."""
@@ -65,7 +65,7 @@ def correction(
     goes_round: bool = False,
     inner: Mask | None = None,
 ) -> Floats:
-    """What to add to one channel of the composite, (H, W), in the layers' own units.
+    """Compute the correction to add to one channel of the composite, (H, W), in the layers' units.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def correction(
 
 
 def lying_inside(covered: Sequence[Mask], places: Sequence[Box]) -> Mask:
-    """(n,) bool: which layers lie wholly inside another one; of two that are equal the later one does."""
+    """(n,) bool: test which layers lie wholly inside another one; of two equal layers the later one does."""
     size = [np.count_nonzero(dense(cover)) for cover in covered]
     inside = np.zeros(len(covered), bool)
     for i, j in itertools.permutations(range(len(covered)), 2):
@@ -124,7 +124,7 @@ def lying_inside(covered: Sequence[Mask], places: Sequence[Box]) -> Mask:
 
 
 def _differ(label_map: Labels, axis: int) -> Mask:
-    """(H, W) bool: pixels whose right (axis 1) or lower (axis 0) neighbour shows another layer."""
+    """(H, W) bool mask of pixels whose right (axis 1) or lower (axis 0) neighbour shows another layer."""
     result = np.zeros(label_map.shape, bool)
     s, t = ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:]))[1 - axis]
     result[s] = (label_map[s] != label_map[t]) & (label_map[s] >= 0) & (label_map[t] >= 0)
@@ -134,7 +134,9 @@ def _differ(label_map: Labels, axis: int) -> Mask:
 def _values(
     layer: Layer, place: Box, covered: Mask, channel: int, columns: int, pixels: npt.NDArray[np.intp]
 ) -> tuple[Floats, Mask]:
-    """A layer's values at some pixels of the canvas (flat), 0 where it has none, and where it has some."""
+    """Return a layer's values at pixels of the canvas, given by flat indices, and the mask where it has any;
+    0 elsewhere.
+    """
     row, column = np.divmod(pixels, columns)
     row, column = row - place.top, column - place.left
     known = (row >= 0) & (column >= 0) & (row < place.shape[0]) & (column < place.shape[1])

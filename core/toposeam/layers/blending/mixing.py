@@ -1,4 +1,4 @@
-"""What every blend says of itself, and how it reads the layers that it mixes."""
+"""The common interface of blends, and how they read the layers that they mix."""
 
 from __future__ import annotations
 
@@ -18,37 +18,37 @@ from toposeam.seam.result.seam import Seam, potential_on_window
 
 Blend = Literal["none", "feather", "soft", "multiband", "gradient"]
 
-#: Shares of a layer below this count as none.
+#: Weights of a layer below this are treated as 0.
 SETTLED = 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fading:
-    """Between two layers, the label potential on the window of their seam's problem."""
+    """The label potential between two layers, on the window of their seam's problem."""
 
     pair: tuple[int, int]
-    #: Where the window lies, and what is held of it.
+    #: The box of the canvas that the arrays fill.
     box: Box
-    #: (h, w) float32; (h, w) bool, where both have pixels.
+    #: (h, w) float32 potential, and (h, w) bool mask where both layers have pixels.
     potential: Floats32
     shared: Mask
 
     @classmethod
     def of(cls, pair: tuple[int, int], seam: Seam) -> Fading:
-        """Take from a seam what a blend needs of it; the overlap is heated where it was not before."""
+        """Copy the label potential of a seam, computing it if it is not known yet."""
         top, left = seam.problem.overlap.start
         potential, shared = potential_on_window(seam).copy(), seam.problem.overlap.shared.copy()
         for values in (potential, shared):
-            values.setflags(write=False)  # so that large ones go by files
+            values.setflags(write=False)  # read-only arrays may be passed as files
         height, width = potential.shape
         return cls(pair, Box(top, left, top + height, left + width), potential, shared)
 
     def moved(self, right: int) -> Fading:
-        """Return the same at another place."""
+        """Return the same potential, moved right by px."""
         return replace(self, box=self.box.moved(0, right))
 
     def part(self, box: Box) -> Fading | None:
-        """Return it as far as a box is concerned; None where it is not."""
+        """Cut the potential to a box; None if they do not meet."""
         common = self.box.shared(box)
         if not all(common.shape):
             return None
@@ -56,27 +56,27 @@ class Fading:
         return replace(self, box=common, potential=self.potential[here], shared=self.shared[here])
 
 
-#: Mixes a box in which the given layers lie and the map says who shows: (h, w, C) colours, (h, w) opacity or
-#: None where it stays as it is, and (h, w) bool, which pixels change.
+#: Mixes the given layers in a box with a label map: returns (h, w, C) colours, (h, w) opacity or None if it
+#: is unchanged, and an (h, w) bool mask of the pixels that change.
 Mix = Callable[[Box, Labels, list[int]], tuple[Floats32, Floats32 | None, Mask]]
 
 
 class Blending(ABC):
-    """What happens across the seams, by a method and its width.
+    """A blend across the seams, with its width.
 
     Parameters
     ----------
     width : float, optional
-        px; that of the class by default.
+        Width of the transition, px; by default that of the class.
     """
 
     name: ClassVar[Blend]
-    #: Whether a width can be given, and the one taken by default; None spreads over the whole picture.
+    #: Whether a width can be given, and its default, px; None spreads over the whole picture.
     takes_width: ClassVar[bool] = False
     usual_width: ClassVar[float | None] = None
-    #: Whether the whole picture has to be known, so that windows are no cheaper.
+    #: Whether the whole picture is needed to compute any window.
     needs_whole: ClassVar[bool] = False
-    #: Whether it follows the label potentials of the seams, and what takes its place where there are none.
+    #: Whether the label potentials of the seams are needed, and the blend used for seams without one.
     needs_potential: ClassVar[bool] = False
     without_potential: ClassVar[Blend]
 
@@ -85,52 +85,54 @@ class Blending(ABC):
 
     @property
     def reach(self) -> float:
-        """How far from a seam what differs is mixed, px, as the match cost needs to know it; 0 of narrow
+        """Distance from a seam, px, up to which differences are mixed, for the match cost; 0 for narrow
         blends.
         """
         return 0.0
 
     @property
     def changes_within(self) -> int | None:
-        """How far a seam changes pixels, px; None where potentials say so."""
+        """Distance from a seam, px, up to which pixels change; None if label potentials determine it."""
         return 0
 
     @property
     def grid(self) -> int:
-        """Boxes that are mixed begin at multiples of this many px."""
+        """The multiple of px at which boxes that are mixed begin."""
         return 1
 
     @property
     def margin(self) -> int:
-        """How far beyond a tile its blending looks, px."""
+        """Distance, px, beyond a tile up to which its blend depends on pixels."""
         within = 1 if self.changes_within is None else self.changes_within
         return 2 * within + self.grid
 
     def mixer(self, canvas: Canvas, labels: Labels, fadings: Sequence[Fading]) -> Mix | None:
-        """Return what mixes a box of a composite; None where nothing is mixed, or all of it at once."""
+        """Return the function that mixes a box; None if nothing is mixed, or only the whole at once."""
         return None
 
     def spread(  # noqa: B027 - most blend tiles
         self, canvas: Canvas, labels: Labels, image: Image, *, goes_round: bool
     ) -> None:
-        """Blend a whole composite in place, where that is needed."""
+        """Blend a whole composite in place, if the blend needs the whole."""
 
 
 class HardCut(Blending):
-    """Nothing happens."""
+    """No blend: every pixel is that of the layer that shows."""
 
     name = "none"
 
 
 def planes_of(canvas: Canvas, index: int, box: Box, channels: int) -> tuple[Floats32, Mask]:
-    """Read a layer's colours in a box, one plane after the other, (C, h, w), 0 where it has none, to be
-    written; and where it has some.
+    """Read a layer in a box: its colours, (C, h, w), 0 where it has no pixels, and the (h, w) mask where it
+    has some.
+
+    The colours may be written to.
     """
     place, layer, cover = canvas.places[index], canvas.layers[index], canvas.covers[index]
     present = cut(cover, place, box)
     image = cut(layer.image, place, box)
     inside = box.shared(place).moved(-place.top, -place.left)
-    if not uniform(cover, inside):  # beyond the layer it is 0
+    if not uniform(cover, inside):  # beyond the layer the image is 0
         image[~present] = 0
     planes = as_planes(image, layer.title, layer.data_range)
     return planes if len(planes) == channels else np.repeat(planes, channels, axis=0), present

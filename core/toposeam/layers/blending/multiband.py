@@ -1,16 +1,16 @@
-"""Multiband blending: coarse shades mixed over a wide band, fine detail over a narrow one.
+"""Multiband blending: coarse shades are mixed over a wide band, fine detail over a narrow one.
 
-Each layer is taken apart into a Laplacian pyramid, its mask into a Gaussian one; the bands are mixed by the
-masks of their own level and put together again (Burt and Adelson 1983, doi:10.1145/245.247).
+Each layer is decomposed into a Laplacian pyramid, its mask into a Gaussian pyramid. The bands are mixed by
+the masks of their level, and the pyramid is collapsed (Burt and Adelson 1983, doi:10.1145/245.247).
 
-Pyramids are linear, so that the mixture is the hard cut plus the mixture of what each layer differs from it.
-These differences are 0 where the layer shows, and nearly constant where only the exposure differs: where a
-layer has no pixels its difference, unlike the layer itself, can be continued without inventing anything.
-Known pixels are averaged down the pyramid, and going up again what is missing is filled in from the next
-coarser level: what a level says beyond that is its band, 0 where nothing is known.
+Pyramids are linear, so the result is the hard cut plus the mixture of each layer's difference from it. The
+difference is 0 where the layer shows, and nearly constant where only the exposure differs; so it can be
+extended to where the layer has no pixels, which the layer itself cannot. Known pixels are averaged down the
+pyramid. On the way up, missing pixels are interpolated from the next coarser level. The band of a level is
+its excess over that, 0 where nothing is known.
 
-At full size each pixel is that of the layer that shows, whose difference is 0 there. So the finest band needs
-no sums, and all mixing is done at half the size and less, of all layers together.
+At full size each pixel is that of the layer that shows, with difference 0. So the finest band needs no sums,
+and all mixing is done at half the size and less, for all layers together.
 """
 
 from __future__ import annotations
@@ -27,16 +27,17 @@ from toposeam.layers.canvas.canvas import Canvas
 from toposeam.layers.canvas.layer import Box
 from toposeam.seam.problem.pyramid import expand, expand_part, gaussian, in_runs, reduce
 
-#: Weight of bands that were made up, and what keeps sums of weights from being 0.
-_MADE_UP, _LEAST = np.float32(1e-3), np.float32(1e-9)
-#: Of how little is known at least, lest it be divided by 0.
-_KNOWN = np.float32(1e-3)
-#: So far from what is known, px, a reduced pixel may know something of it.
-_AROUND = 2
+#: Weight of interpolated pixels of a band, so that they count only where no layer is known; and a small
+#: number that keeps sums of weights above 0.
+_INTERPOLATED_WEIGHT, _LEAST_SUM = np.float32(1e-3), np.float32(1e-9)
+#: Lower bound of the fraction of known pixels in divisions.
+_LEAST_KNOWN = np.float32(1e-3)
+#: Distance, px, from which known pixels contribute to a reduced pixel: the reach of the reduction filter.
+_FILTER_REACH = 2
 
 
 class Multiband(Blending):
-    """Coarse shades fade over the width, fine detail over few px."""
+    """Coarse shades fade over the width, fine detail over a few px."""
 
     name = "multiband"
     takes_width = True
@@ -58,7 +59,7 @@ class Multiband(Blending):
 
     @property
     def changes_within(self) -> int:
-        """Four of the coarsest pixels, in px."""
+        """Four of the coarsest pixels, px."""
         return 4 * self.grid
 
     def mixer(self, canvas: Canvas, labels: Labels, fadings: Sequence[Fading]) -> Mix:
@@ -79,7 +80,7 @@ def _mixed_bands(
     found = []
     for k in index:
         common = canvas.places[k].shared(box)
-        # Pairs of pixels become one: the box's edges are even.
+        # The reduction takes pairs of pixels, so the box's edges are even.
         part = Box(*(edge // 2 * 2 for edge in common[:2]), *(-(-edge // 2) * 2 for edge in common[2:]))
         here = part.within(box)
         own = shows[here] == k
@@ -102,31 +103,31 @@ def _mixed_bands(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Contribution:
-    """A layer as far as it matters to a tile."""
+    """The part of a layer that contributes to a tile."""
 
-    #: Where it lies on the tile; all edges are even.
+    #: The box of the tile that the arrays fill; all edges are even.
     box: Box
-    #: (C, h, w) float32, its colours minus those of the hard cut; 0 where they are not known.
+    #: (C, h, w) float32: the layer minus the hard cut; 0 where the layer has no pixels.
     difference: Floats32
-    #: (h, w) bool, where the difference is known, and where the layer shows.
+    #: (h, w) bool masks: where the difference is known, and where the layer shows.
     known: Mask
     shows: Mask
 
 
 class Mixture:
-    """What the mixture of some layers differs from their hard cut.
+    """The difference between the multiband mixture of some layers and their hard cut.
 
     Parameters
     ----------
     parts : sequence of Contribution
-        Nowhere do two of them show.
+        At most one layer shows at a pixel.
     shape : (int, int)
         Height and width of the tile, multiples of 2 ** levels px.
     levels : int
         Halvings of the resolution, at least one. The coarsest band is mixed over about 2 ** levels px on
         either side of the seam.
     settled : float
-        Pixels of which the layer that shows has all but this share of the coarsest band do not change.
+        A pixel does not change if the layer that shows has all but this fraction of the coarsest band.
     """
 
     def __init__(
@@ -135,26 +136,26 @@ class Mixture:
         self._parts = parts
         count, channels = len(parts), len(parts[0].difference)
         half = shape[0] // 2, shape[1] // 2
-        # Of each layer its difference, where that is known, and where it shows.
+        # Per layer: its difference, the mask where that is known, and the mask where it shows.
         reduced = np.zeros((count, channels + 2, *half), np.float32)
         whole = Box(0, 0, *shape)
         for target, part in zip(reduced, parts, strict=True):
-            around = part.box.grown(_AROUND).shared(whole)
+            around = part.box.grown(_FILTER_REACH).shared(whole)
             at, inside = around.halved().slices, part.box.within(around)
             planes = *part.difference, part.known, part.shows
-            for run in in_runs(len(planes), math.prod(around.shape)):  # all at once would need more memory
+            for run in in_runs(len(planes), math.prod(around.shape)):  # a few planes at a time: memory
                 wide = np.zeros((run.stop - run.start, *around.shape), np.float32)
                 for plane, values in zip(wide, planes[run], strict=True):
                     plane[inside] = values
                 target[run, *at] = reduce(wide)
-        #: (K, C, h / 2, w / 2), each layer's difference, and (C, h / 2, w / 2), the mixture of all.
+        #: (K, C, h / 2, w / 2), the difference of each layer, and (C, h / 2, w / 2), the mixture of all.
         self._layers, self._mixed, share = _mixed(reduced, levels)
         for _ in range(levels - 1):
             share = expand(share)
         self._changes = share < (1 - settled) * share.sum(axis=0)
 
     def onto(self, colours: Floats32) -> Mask:
-        """Add it to (C, H, W) colours in place; (H, W) bool, which pixels count as changed."""
+        """Add the difference to (C, H, W) colours in place; return the (H, W) bool mask of changed pixels."""
         changed = np.zeros(colours.shape[1:], bool)
         for part, layer, changes in zip(self._parts, self._layers, self._changes, strict=True):
             here, reduced = part.box.slices, part.box.halved()
@@ -171,8 +172,9 @@ class Mixture:
 
 
 def _mixed(reduced: Floats32, levels: int) -> tuple[Floats32, Floats32, Floats32]:
-    """All bands but the finest, from the coarsest to that of half the size: of each layer, and mixed; and how
-    much of the coarsest pixels each shows.
+    """Collapse all bands but the finest, from the coarsest to that of half the size.
+
+    Returns each layer, the mixture, and the fraction of the coarsest pixels that each layer shows.
     """
     count, channels = len(reduced), reduced.shape[1] - 2
     pyramid = gaussian(reduced.reshape(-1, *reduced.shape[2:]), levels - 1)
@@ -181,17 +183,17 @@ def _mixed(reduced: Floats32, levels: int) -> tuple[Floats32, Floats32, Floats32
         planes = every.reshape(count, -1, *every.shape[1:])
         weight, mask = planes[:, -2], planes[:, -1]
         band = planes[:, :channels]
-        band /= np.maximum(weight, _KNOWN)[:, np.newaxis]
-        # What was made up counts next to nothing, unless nobody knows better.
-        part = mask * np.maximum(2 * weight - 1, _MADE_UP)
-        part /= part.sum(axis=0) + _LEAST
+        band /= np.maximum(weight, _LEAST_KNOWN)[:, np.newaxis]
+        # Interpolated pixels count next to nothing, unless no layer is known there.
+        part = mask * np.maximum(2 * weight - 1, _INTERPOLATED_WEIGHT)
+        part /= part.sum(axis=0) + _LEAST_SUM
         if not layers.size:
             layers, mixed = band, (band * part[:, np.newaxis]).sum(axis=0)
             continue
         finer = expand(np.concatenate([layers.reshape(-1, *layers.shape[2:]), mixed]))
         coarser, mixed = finer[:-channels].reshape(band.shape), finer[-channels:]
         band -= coarser
-        # Averages of few pixels give way to the coarser level.
+        # Where few pixels were averaged, the coarser level prevails.
         band *= np.minimum(weight, 1)[:, np.newaxis]
         mixed += (band * part[:, np.newaxis]).sum(axis=0)
         band += coarser

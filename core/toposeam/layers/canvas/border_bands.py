@@ -1,6 +1,4 @@
-"""Masks that are True everywhere but along their rims, as those of whole pictures are: only the rims are to
-be looked at.
-"""
+"""Masks that are True except near their borders: only the border bands need to be looked at."""
 
 from __future__ import annotations
 
@@ -11,13 +9,15 @@ from toposeam.arrays import Mask
 from toposeam.layers.canvas.layer import Box
 from toposeam.layers.canvas.tile_map import EDGES, TileMap, blocks, new_map, uniform
 
-#: A mask is looked into so far from its borders, px.
-_DEEPEST = 4
+#: Width of the border band in which False pixels are expected, px; a mask with others has no full box.
+_WIDEST_BAND = 4
 
 
 def full_within(mask: Mask) -> Box | None:
-    """A box, a few px from the borders of a mask at most, that holds nothing but True and is nearly as large
-    as it can be; None where there is none.
+    """Find a box of True pixels that leaves out at most a few px at each border of a mask; None if there is
+    none.
+
+    The box is nearly as large as it can be.
 
     Examples
     --------
@@ -31,11 +31,11 @@ def full_within(mask: Mask) -> Box | None:
     True
     """
     box = Box(0, 0, *mask.shape)
-    for _ in range(_DEEPEST + 1):
-        inner, middle = box.grown(-1), box.grown(-_DEEPEST)
+    for _ in range(_WIDEST_BAND + 1):
+        inner, middle = box.grown(-1), box.grown(-_WIDEST_BAND)
         if not all(middle.shape):
             return None
-        lines = (  # without their ends, which other lines cross
+        lines = (  # without their ends, which belong to the other lines, too
             middle._replace(top=box.top, bottom=inner.top),
             middle._replace(left=box.left, right=inner.left),
             middle._replace(top=inner.bottom, bottom=box.bottom),
@@ -45,7 +45,7 @@ def full_within(mask: Mask) -> Box | None:
         if all(full):
             if _holds_only_true(mask, box):
                 return box
-            full = [False] * 4  # for want of pixels in a corner
+            full = [False] * 4  # a corner has False pixels
         box = Box(*(now if is_full else new for now, new, is_full in zip(box, inner, full, strict=True)))
     return None
 
@@ -57,7 +57,7 @@ def _holds_only_true(mask: Mask, box: Box) -> bool:
 
 
 def rim(box: Box, full: Box | None, side: int = EDGES) -> Iterator[Box]:
-    """The blocks of a box outside of a full one inside of it, which may be empty."""
+    """Yield the blocks of a box outside of a full box in it, which may be None or empty."""
     if full is None or not all(full.shape):
         yield from blocks(box, side)
         return
@@ -72,7 +72,7 @@ def rim(box: Box, full: Box | None, side: int = EDGES) -> Iterator[Box]:
 
 
 def rimmed(shape: tuple[int, int], full: Box | None, values: Callable[[Box], Any]) -> Mask:
-    """An (H, W) mask that is True in a box, and elsewhere what `values` gives for boxes of it."""
+    """Make an (H, W) mask that is True in a box; elsewhere `values` computes it for blocks."""
     result: Mask = new_map(shape, True, bool)
     for box in rim(Box(0, 0, *shape), full):
         result[box.slices] = values(box)

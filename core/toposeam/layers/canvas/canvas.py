@@ -19,7 +19,9 @@ from toposeam.layers.canvas.tile_map import BLOCK, cover_of, dense, is_empty, ma
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Canvas:
-    """Layers, where each lies on the canvas, and where it may show.
+    """Layers in their places on a rectangle of pixels, flat or going all the way round.
+
+    Coordinates on the canvas begin at its upper left pixel, :attr:`origin` of the layers' coordinates.
 
     Examples
     --------
@@ -32,12 +34,11 @@ class Canvas:
     origin: tuple[int, int]
     #: Height and width, px.
     shape: tuple[int, int]
-    #: The width, px, of a canvas that goes all the way round: its right edge adjoins its left one. None of a
-    #: flat one.
+    #: The width, px, of a round canvas, whose right edge adjoins its left one; None for a flat canvas.
     period: int | None = None
-    #: The part of the canvas that each layer fills; on a round canvas it may reach over the right edge.
+    #: The box of the canvas that each layer fills; on a round canvas it may reach beyond the right edge.
     places: Sequence[Box] = ()
-    #: Where the covers are known already.
+    #: The covers, if they are known already.
     _covers: Sequence[Mask] | None = None
 
     def __post_init__(self) -> None:
@@ -52,7 +53,7 @@ class Canvas:
 
     @property
     def box(self) -> Box:
-        """The canvas itself."""
+        """The box of the whole canvas."""
         return Box(0, 0, *self.shape)
 
     @property
@@ -61,13 +62,14 @@ class Canvas:
         return tuple(layer.name for layer in self.layers)
 
     def place(self, layer: Layer) -> Box:
-        """The part of the canvas that a layer fills."""
+        """Return the box of the canvas that a layer fills."""
         x, y = layer.at[0] - self.origin[0], layer.at[1] - self.origin[1]
         return Box(y, x, y + layer.image.shape[0], x + layer.image.shape[1])
 
     @cached_property
     def covers(self) -> Sequence[Mask]:
-        """Per layer, (h, w) bool on its place: where it has pixels that may show, and no other is to be kept.
+        """Per layer, (h, w) bool mask on its place: its pixels that may show, without those that others must
+        keep.
 
         Raises
         ------
@@ -77,7 +79,7 @@ class Canvas:
         return _exclusive_covers(self) if self._covers is None else self._covers
 
     def check_covers(self) -> None:
-        """Refuse a layer that can show nowhere.
+        """Refuse layers that can show at no pixel.
 
         Raises
         ------
@@ -99,7 +101,7 @@ class Canvas:
                 )
 
     def of_layers(self, numbers: Sequence[int]) -> Canvas:
-        """Return the same canvas with some of the layers only."""
+        """Return the same canvas with only some of its layers."""
         return dataclasses.replace(
             self,
             layers=[self.layers[k] for k in numbers],
@@ -108,11 +110,11 @@ class Canvas:
         )
 
     def with_layers(self, layers: Sequence[Layer]) -> Canvas:
-        """Return the same canvas with layers of the same sizes and places that have other colours."""
+        """Return the same canvas with other layers of the same sizes and places, as after matching tones."""
         return dataclasses.replace(self, layers=layers)
 
     def moved(self, right: int, down: int) -> Canvas:
-        """Return the canvas with its layers in places that lie farther right and down, px."""
+        """Return the canvas and its layers moved right and down by px."""
         at = ((layer.at[0] + right, layer.at[1] + down) for layer in self.layers)
         layers = [dataclasses.replace(one, at=place) for one, place in zip(self.layers, at, strict=True)]
         return dataclasses.replace(
@@ -120,7 +122,7 @@ class Canvas:
         )
 
     def cut_open(self, column: int = 0) -> Canvas:
-        """Return a round canvas as a flat one that begins at a column of it; a flat one as it is."""
+        """Return a round canvas as a flat one that begins at a column of it; a flat canvas as it is."""
         if self.period is None:
             return self
         left, top = self.origin
@@ -129,8 +131,10 @@ class Canvas:
         return Canvas(layers=parts, origin=(0, 0), shape=self.shape)
 
     def sparsest_column(self, away: int = 0) -> tuple[int, int]:
-        """Find the column of a round canvas on which fewest layers lie, the middle of the widest run of such
-        columns, and how many layers lie there. Where several do, it is some px away from both ends.
+        """Find the column of a round canvas on which the fewest layers lie, and their number.
+
+        Of the columns with that number it is the middle of the widest run. If several layers lie there,
+        columns closer than `away` px to either end are left out.
         """
         period, left = self.shape[1], self.origin[0]
         count = np.sum([occupied_on(layer, period, layer.at[0] - left) for layer in self.layers], axis=0)
@@ -146,8 +150,10 @@ class Canvas:
         return (start + (int(first[longest]) + int(last[longest])) // 2) % period, int(count.min())
 
     def with_both_ends(self) -> Canvas:
-        """Return a round canvas as a flat one that goes on with the other end on both sides, by
-        :attr:`beyond` px, so that what looks beyond a pixel sees what lies there.
+        """Return a round canvas as a flat one that is extended on both sides by :attr:`beyond` px of the
+        other end.
+
+        So neighbourhoods near the edges hold the pixels that adjoin there.
         """
         if self.period is None:
             return self
@@ -168,7 +174,7 @@ class Canvas:
 
     @property
     def beyond(self) -> int:
-        """How much of the other end :meth:`with_both_ends` adds on either side, px; 0 of a flat canvas."""
+        """The width, px, by which :meth:`with_both_ends` extends each side; 0 for a flat canvas."""
         if self.period is None:
             return 0
         return min(4 * BLOCK, self.period // BLOCK * BLOCK) or self.period
@@ -177,20 +183,20 @@ class Canvas:
 def common_canvas(
     layers: Sequence[Layer], *, max_megapixels: float = MAX_MEGAPIXELS, wrap: int | None = None
 ) -> Canvas:
-    """The smallest canvas that holds some layers.
+    """Make the smallest canvas that holds all layers.
 
     Parameters
     ----------
     layers : sequence of Layer
     max_megapixels : float
     wrap : int, optional
-        Width, px, of a canvas that goes all the way round. Its left edge is at 0 where all layers lie between
-        0 and that, else at the leftmost layer.
+        Width, px, of a round canvas. Its left edge is at 0 if all layers lie between 0 and `wrap`, else at
+        the leftmost layer.
 
     Raises
     ------
     OptionError
-        When it would hold more than `max_megapixels` million pixels.
+        If the canvas would hold more than `max_megapixels` million pixels.
 
     Examples
     --------
@@ -213,7 +219,7 @@ def common_canvas(
             width=width,
             height=height,
             most=max_megapixels,
-            alone=_alone(layers, max_megapixels * 1e6),
+            alone=_outlying_layer(layers, max_megapixels * 1e6),
         )
     if wrap is None:
         return canvas
@@ -223,8 +229,10 @@ def common_canvas(
     return Canvas(layers=layers, origin=(origin, top), shape=(height, period), period=period)
 
 
-def _alone(layers: Sequence[Layer], pixels: float) -> str:
-    """Which of many layers it is without which the canvas would hold no more than some pixels, if any."""
+def _outlying_layer(layers: Sequence[Layer], pixels: float) -> str:
+    """Name the one layer without which the canvas would be small enough, for an error; empty if there is
+    none.
+    """
     for index, layer in enumerate(layers if len(layers) > 2 else ()):
         height, width = extent_of([*layers[:index], *layers[index + 1 :]]).shape
         if height * width <= pixels:
@@ -233,7 +241,7 @@ def _alone(layers: Sequence[Layer], pixels: float) -> str:
 
 
 def extent_of(layers: Sequence[Layer]) -> Canvas:
-    """The canvas of some layers, however large."""
+    """Make the smallest canvas that holds all layers, however large."""
     left, top = (min(layer.at[axis] for layer in layers) for axis in (0, 1))
     right = max(layer.at[0] + layer.image.shape[1] for layer in layers)
     bottom = max(layer.at[1] + layer.image.shape[0] for layer in layers)
@@ -241,7 +249,7 @@ def extent_of(layers: Sequence[Layer]) -> Canvas:
 
 
 def _exclusive_covers(canvas: Canvas) -> list[Mask]:
-    """Where each layer has pixels it may show, once layers have been kept from where another must show."""
+    """Compute the cover of each layer, without pixels that another layer must keep."""
     layers, places = canvas.layers, canvas.places
     covers = [cover_of(layer) for layer in layers]
     if all(layer.keep is None for layer in layers):

@@ -1,4 +1,4 @@
-"""Layers and maps on a canvas that goes all the way round, read from any column of it on."""
+"""Layers and label maps on a round canvas, read from any column on."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from toposeam.layers.canvas.tile_map import made_map, occupied_columns
 
 
 class Turned(Windows):
-    """Some columns of a source that goes round.
+    """A window of columns of a source on a round canvas, read on demand.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ class Turned(Windows):
     period : int
         Width of the round canvas, px; at least w.
     start, width : int
-        The columns that are wanted: from `start`, which may lie beyond the period.
+        The window's first column, which may lie beyond the period, and its number of columns.
     """
 
     def __init__(self, source: Any, place: int, period: int, start: int, width: int) -> None:
@@ -34,7 +34,7 @@ class Turned(Windows):
         self._source, self._first, self._period = source, start - place, period
 
     def read(self, rows: slice, columns: slice) -> npt.NDArray[Any]:
-        """Some rows and columns, 0 where the source has none."""
+        """Return some rows and columns, 0 where the source has none."""
         if columns.step != 1:
             return self.read(rows, slice(columns.start, columns.stop, 1))[:, :: columns.step]
         height, width = len(range(*rows.indices(self.shape[0]))), columns.stop - columns.start
@@ -42,7 +42,7 @@ class Turned(Windows):
         at = columns.start
         while at < columns.stop:
             there = (at + self._first) % self._period
-            # Up to the end of the period, and from it to the source's own end.
+            # Read to the end of the period, of which the source may fill less.
             stop = min(columns.stop, at + self._period - there)
             known = min(max(self._source.shape[1] - there, 0), stop - at)
             if known:
@@ -53,7 +53,7 @@ class Turned(Windows):
 
 
 def turned(layer: Layer, period: int, start: int) -> Layer:
-    """A layer on the round canvas as it lies when that is cut at column `start`; as narrow as it can be.
+    """Return a layer as it lies on a round canvas that is cut open at column `start`, without empty columns.
 
     Raises
     ------
@@ -88,7 +88,9 @@ def turned(layer: Layer, period: int, start: int) -> Layer:
 
 
 def narrowed(layer: Layer, period: int) -> Layer:
-    """A layer on a round canvas in one piece, if that was cut inside of it: it then reaches over the end."""
+    """Return a layer that was cut in two by the canvas's ends as one piece, which reaches beyond the right
+    end.
+    """
     gaps = np.flatnonzero(~occupied_on(layer, period, layer.at[0]))
     if layer.image.shape[1] < period or not len(gaps):
         return layer
@@ -99,7 +101,9 @@ def narrowed(layer: Layer, period: int) -> Layer:
 
 
 def occupied_on(layer: Layer, period: int, left: int) -> Mask:
-    """(period,) bool: columns of a round canvas in which a layer has pixels that begins at one of them."""
+    """(period,) bool: True at the columns of a round canvas in which a layer that begins at `left` has
+    pixels.
+    """
     width = layer.image.shape[1]
     found = np.ones(width, bool) if layer.alpha is None else occupied_columns(layer.alpha)
     result = np.zeros(period, bool)
@@ -108,8 +112,8 @@ def occupied_on(layer: Layer, period: int, left: int) -> Mask:
 
 
 def turned_map(label_map: Any, period: int, start: int, width: int) -> Labels:
-    """Some columns of a map of labels on a round canvas, from column `start`."""
-    source = _Plus(label_map)
+    """Return some columns of a label map of a round canvas, from column `start` on."""
+    source = _LabelsPlusOne(label_map)
     columns = Turned(source, 0, period, start, width)
 
     def values(box: Box) -> npt.NDArray[Any]:
@@ -119,21 +123,23 @@ def turned_map(label_map: Any, period: int, start: int, width: int) -> Labels:
     return made_map((label_map.shape[0], width), np.int16, values)
 
 
-class _Plus(Windows):
-    """Labels plus 1, so that 0 is none."""
+class _LabelsPlusOne(Windows):
+    """Labels plus 1: 0 then stands for no layer, as where a source has no pixels."""
 
     def __init__(self, label_map: Any) -> None:
         super().__init__(label_map.shape, np.int16)
         self._map = label_map
 
     def read(self, rows: slice, columns: slice) -> npt.NDArray[Any]:
-        """Some rows and columns."""
+        """Return some rows and columns."""
         result: npt.NDArray[Any] = self._map[rows, columns] + np.int16(1)
         return result
 
 
 def unrolled(layer: Layer, period: int, beyond: int) -> Layer:
-    """A layer on the round canvas with some of the other end on both sides, all of it one layer."""
+    """Return a layer as wide as a round canvas that is extended by `beyond` px of the other end on both
+    sides.
+    """
     height, width = layer.image.shape[:2]
     alpha = layer.alpha
     if alpha is None:

@@ -1,4 +1,4 @@
-"""The largest rectangle of a composite without a hole."""
+"""Find the largest rectangle of a composite that has no hole."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from toposeam.arrays import Mask
 from toposeam.layers.canvas.layer import Box
 from toposeam.layers.canvas.tile_map import any_of, dense
 
-#: Looked at in so many blocks a side, then grown to the pixel.
-_BLOCKS = 400
+#: Largest number of blocks a side in which the rectangle is searched, before it grows pixel by pixel.
+_MOST_BLOCKS = 400
 
 
 def largest_full(mask: Mask) -> Box | None:
-    """The largest rectangle in which a mask is True everywhere; None where it is nowhere.
+    """Find the largest rectangle in which a mask is True everywhere; None if it is True nowhere.
 
-    On large masks it is the largest one of whole blocks, grown on each side as far as it goes.
+    On a large mask this is the largest rectangle of whole blocks, grown on each side as far as it goes.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ def largest_full(mask: Mask) -> Box | None:
     Box(top=0, left=1, bottom=4, right=7)
     """
     height, width = mask.shape
-    block = max(1, -(-max(height, width) // _BLOCKS))
+    block = max(1, -(-max(height, width) // _MOST_BLOCKS))
     rows, columns = height // block, width // block
     full = np.zeros((rows, columns), bool)
     for row in range(rows):
@@ -41,7 +41,7 @@ def largest_full(mask: Mask) -> Box | None:
 
 
 def _largest(full: Mask) -> Box | None:
-    """By the heights of columns above each row, and a stack of those that still grow."""
+    """Find the largest full rectangle, by the heights of columns above each row and a stack of them."""
     best, area = None, 0
     heights = np.zeros(full.shape[1] + 1, int)
     for row, line in enumerate(full):

@@ -15,7 +15,7 @@ from toposeam.checks import check_kind, check_number, check_pair
 from toposeam.errors import ImageError, OptionError, Term
 from toposeam.images import MAX_PIXELS, Windows, as_array, as_mask, full_scale
 
-#: Largest canvas that is made without being asked to.
+#: Default of the largest number of megapixels of a canvas.
 MAX_MEGAPIXELS = MAX_PIXELS / 1e6
 #: Farthest a layer may lie from the origin, px.
 FARTHEST = 2**31 - 1
@@ -42,15 +42,15 @@ class Layer:
     at: tuple[int, int] = (0, 0)
     #: Shown in error texts and file names.
     name: str = "layer"
-    #: (H, W), where the layer may show; None means wherever it has pixels.
+    #: (H, W), True where the layer may show; None means wherever it has pixels.
     mask: npt.ArrayLike | None = None
-    #: (H, W), where no other layer may show; counts where the layer itself may.
+    #: (H, W), True where no other layer may show; ignored where the layer itself may not.
     keep: npt.ArrayLike | None = None
-    #: The value that counts as white, where the dtype does not say it: for other integers than uint8 and
-    #: uint16, and for floats beyond [0, 1] (:func:`toposeam.images.as_float`).
+    #: The value of white, if the dtype does not imply it: for integers other than uint8 and uint16, and for
+    #: floats beyond [0, 1] (:func:`toposeam.images.as_float`).
     data_range: float | None = None
-    #: How much light the camera let in, in any unit, as seconds × ISO ÷ f-number²: by this tones are matched
-    #: where overlaps do not show it.
+    #: Exposure of the photograph in any unit, as seconds × ISO ÷ f-number². It is used for matching tones
+    #: if overlaps do not determine them.
     exposure: float | None = None
 
     def __post_init__(self) -> None:
@@ -112,22 +112,22 @@ class Layer:
 
     @property
     def title(self) -> Term:
-        """The name, for error texts: nobody has another word for it."""
+        """The name, as a term in errors that front ends do not replace."""
         return Term("", self.name)
 
     @property
     def white(self) -> float:
-        """The value that counts as 1."""
+        """The value of white."""
         return float(full_scale(self.image.dtype)) if self.data_range is None else self.data_range
 
     @property
     def bare(self) -> Layer:
-        """The layer without its masks and opacity, of which others know where it has pixels."""
+        """The layer without masks and opacity, where its cover is known otherwise."""
         return dataclasses.replace(self, alpha=None, mask=None, keep=None)
 
     @property
     def covered(self) -> Mask:
-        """(H, W) bool, where the layer has pixels that may show."""
+        """(H, W) bool mask, True where the layer has pixels that may show."""
         covered = np.ones(self.image.shape[:2], bool) if self.alpha is None else np.asarray(self.alpha) > 0
         return covered if self.mask is None else covered & np.asarray(self.mask)
 
@@ -135,7 +135,7 @@ class Layer:
 def as_layers(pictures: Any) -> Any:
     """Wrap the arrays and PIL pictures of a sequence in layers that are named by their numbers, from 1.
 
-    What is neither stays, for :func:`toposeam.checks.check_items` to refuse.
+    Other items are left as they are, for :func:`toposeam.checks.check_items` to refuse.
     """
     if not isinstance(pictures, list | tuple):
         return pictures
@@ -148,7 +148,7 @@ def as_layers(pictures: Any) -> Any:
 
 
 class Box(NamedTuple):
-    """A rectangle of canvas pixels; it may reach over the canvas's edge."""
+    """A rectangle of canvas pixels, bottom and right exclusive; it may reach beyond the canvas."""
 
     top: int
     left: int
@@ -157,33 +157,33 @@ class Box(NamedTuple):
 
     @property
     def slices(self) -> tuple[slice, slice]:
-        """Rows and columns, for a box that lies on the canvas."""
+        """The rows and columns of the box, if it lies on the canvas."""
         return slice(self.top, self.bottom), slice(self.left, self.right)
 
     @property
     def shape(self) -> tuple[int, int]:
         """Height and width in px."""
-        top, left, bottom, right = self  # thousands of times a small set: no calls
+        top, left, bottom, right = self  # called very often: no calls of max
         return bottom - top if bottom > top else 0, right - left if right > left else 0
 
     def grown(self, margin: int) -> Box:
-        """The box with a margin on all sides."""
+        """Return the box with a margin on all sides."""
         return Box(self.top - margin, self.left - margin, self.bottom + margin, self.right + margin)
 
     def moved(self, down: int, right: int) -> Box:
-        """The box at another place."""
+        """Return the box moved down and right."""
         return Box(self.top + down, self.left + right, self.bottom + down, self.right + right)
 
     def halved(self) -> Box:
-        """The pixels of half the size that this box has part of."""
+        """Return the box of the pixels at half the size of which this box contains a part."""
         return Box(self.top // 2, self.left // 2, -(-self.bottom // 2), -(-self.right // 2))
 
     def doubled(self) -> Box:
-        """The box at twice the size."""
+        """Return the box at twice the size."""
         return Box(2 * self.top, 2 * self.left, 2 * self.bottom, 2 * self.right)
 
     def shared(self, other: Box) -> Box:
-        """What two boxes have in common; its shape has a zero when that is nothing."""
+        """Return the intersection of two boxes; a side of its shape is 0 if it is empty."""
         top, left, bottom, right = self
         first, start, last, end = other
         return Box(
@@ -194,7 +194,7 @@ class Box(NamedTuple):
         )
 
     def around(self, other: Box) -> Box:
-        """The smallest box that holds both."""
+        """Return the smallest box that holds both."""
         return Box(
             min(self.top, other.top),
             min(self.left, other.left),
@@ -203,16 +203,14 @@ class Box(NamedTuple):
         )
 
     def within(self, outer: Box) -> tuple[slice, slice]:
-        """Rows and columns of this box in an array that fills `outer`."""
+        """Return the rows and columns of this box in an array that fills `outer`."""
         top, left, bottom, right = self
         y, x = outer[:2]
         return slice(top - y, bottom - y), slice(left - x, right - x)
 
 
 def cut(array: npt.NDArray[Any], at: Box, box: Box, fill: int = 0) -> npt.NDArray[Any]:
-    """A copy of what an array that fills `at` holds in `box`; `fill` where it does not reach. (H, W, …) to
-    (h, w, …).
-    """
+    """Copy box `box` from an array that fills box `at`, (H, W, …) to (h, w, …); `fill` beyond the array."""
     top, left, bottom, right = box
     y, x, last, end = at
     if y <= top and x <= left and bottom <= last and right <= end:
@@ -226,7 +224,7 @@ def cut(array: npt.NDArray[Any], at: Box, box: Box, fill: int = 0) -> npt.NDArra
 
 
 def check_layers(layers: Sequence[Layer]) -> Sequence[Layer]:
-    """At least two placed layers.
+    """Refuse anything but at least two placed layers; return them as a sequence.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Values of which many in a row are alike, packed."""
+"""Run-length coding of arrays in which neighbouring values are mostly equal."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-#: How often each comes that differs from the one before, and which it is; whether both are as they are, not
-#: compressed.
+#: The lengths of the runs, the values of the runs, and whether both are uncompressed.
 Packed = tuple[bytes, bytes, bool]
 
-#: So many runs are worth compressing.
-_MANY = 64
+#: Least number of runs that are compressed; shorter codes hardly shrink.
+_LEAST_COMPRESSED = 64
 
 
 def packed(values: npt.NDArray[Any]) -> Packed:
-    """(N,) values by the runs of those that are alike, N > 0. Telling that takes a quarter of the time that
-    compressing the values themselves does, and is smaller.
+    """Code (N,) values, N > 0, as runs of equal ones.
+
+    This takes a quarter of the time of compressing the values themselves, and the result is smaller.
 
     Examples
     --------
@@ -29,15 +29,15 @@ def packed(values: npt.NDArray[Any]) -> Packed:
     changes = np.flatnonzero(values[1:] != values[:-1])
     bounds = np.empty(len(changes) + 2, np.int32)
     bounds[0], bounds[1:-1], bounds[-1] = -1, changes, len(values) - 1
-    often, which = np.diff(bounds).tobytes(), values[bounds[1:]].tobytes()
-    if len(changes) < _MANY:
-        return often, which, True
-    return zlib.compress(often, 1), zlib.compress(which, 1), False
+    lengths, run_values = np.diff(bounds).tobytes(), values[bounds[1:]].tobytes()
+    if len(changes) < _LEAST_COMPRESSED:
+        return lengths, run_values, True
+    return zlib.compress(lengths, 1), zlib.compress(run_values, 1), False
 
 
 def unpacked(runs: Packed, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
-    """What was packed."""
-    often, which, plain = runs
+    """Decode runs to (N,) values."""
+    lengths, values, plain = runs
     if not plain:
-        often, which = zlib.decompress(often), zlib.decompress(which)
-    return np.frombuffer(which, dtype).repeat(np.frombuffer(often, np.int32))
+        lengths, values = zlib.decompress(lengths), zlib.decompress(values)
+    return np.frombuffer(values, dtype).repeat(np.frombuffer(lengths, np.int32))

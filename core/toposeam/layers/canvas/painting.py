@@ -1,4 +1,4 @@
-"""A labelling as a picture: every pixel that of the layer that shows there."""
+"""Paint a label map: every pixel takes the colour of the layer that shows there."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from toposeam.errors import ImageError
 from toposeam.images import full_scale
 from toposeam.layers.canvas.layer import Box, Layer
 
-_TILE = 256  # px; most tiles show one layer
+#: Side of the tiles in which layers are painted, px: most tiles show one layer and are copied whole.
+_PAINTED_TILE = 256
 
 
 def paint(
@@ -22,7 +23,8 @@ def paint(
     channels: int | None,
     onto: tuple[Image, Image] | None = None,
 ) -> tuple[Image, Image]:
-    """The picture of a labelling in a box, (h, w[, C]), and its opacity, (h, w); 0 where no layer shows.
+    """Paint a label map in a box; return the picture, (h, w[, C]), and its opacity, (h, w), 0 where no layer
+    shows.
 
     Parameters
     ----------
@@ -32,7 +34,7 @@ def paint(
     channels : int or None
         None for a plane of gray.
     onto : (h, w[, C]) and (h, w) arrays, optional
-        Painted on, and returned, instead of new ones; 0 everywhere.
+        Arrays of zeros to paint on and return, instead of new ones.
     """
     dtype = layers[0].image.dtype
     if onto is None:
@@ -42,9 +44,9 @@ def paint(
         image, alpha = onto
     for index, (layer, place) in enumerate(zip(layers, places, strict=True)):
         common = place.shared(at)
-        for top in range(common.top, common.bottom, _TILE):
-            for left in range(common.left, common.right, _TILE):
-                tile = Box(top, left, top + _TILE, left + _TILE).shared(common)
+        for top in range(common.top, common.bottom, _PAINTED_TILE):
+            for left in range(common.left, common.right, _PAINTED_TILE):
+                tile = Box(top, left, top + _PAINTED_TILE, left + _PAINTED_TILE).shared(common)
                 here, there = tile.within(at), tile.within(place)
                 shows = label_map[here] == index
                 if not shows.any():
@@ -59,7 +61,7 @@ def paint(
                     on, planes = (
                         each if each.ndim == 3 else each[..., np.newaxis] for each in (image[here], part)
                     )
-                    for channel in range(on.shape[2]):  # several times as fast as pixel by pixel
+                    for channel in range(on.shape[2]):  # faster than copying whole pixels
                         values = planes[..., min(channel, planes.shape[2] - 1)]
                         np.copyto(on[..., channel], values, where=shows)
                     np.copyto(alpha[here], own, where=shows)
@@ -67,7 +69,7 @@ def paint(
 
 
 def channel_count(layers: Sequence[Layer]) -> int | None:
-    """The number of channels of the composite, None for a plane of gray.
+    """Return the number of channels of the composite, None for a plane of gray.
 
     Raises
     ------

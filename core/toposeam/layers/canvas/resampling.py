@@ -1,4 +1,4 @@
-"""Pictures turned and scaled on their way to the canvas."""
+"""Turn and scale a layer onto the canvas."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from toposeam.layers.canvas.warping import on_canvas
 
 
 def placed(layer: Layer, *, at: tuple[float, float], turn: float = 0.0, scale: float = 1.0) -> Layer:
-    """The layer at a place, resampled by cubic splines if it is turned or scaled.
+    """Put a layer in its place; resample it by cubic splines if it is turned or scaled.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Two layers placed by how far they overlap."""
+"""Place two layers side by side by the length of their overlap."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ _PERCENT = re.compile(r"\s*(\d+(?:\.\d+)?)\s*%\s*")
 
 
 def overlapping(a: Any, b: Any, *, overlap: float | str, side: Side = "right") -> tuple[Layer, Layer]:
-    """Two pictures as layers, the second one continuing at one side of the first.
+    """Place two pictures so that the second one continues the first at one side.
 
     Parameters
     ----------
     a, b : (H, W) or (H, W, C) array_like, or Layer
-        Of layers only the place is changed: ``a`` stays where it is.
+        A layer ``a`` keeps its place, and a layer ``b`` is moved.
     overlap : float or str
-        How far they overlap: whole px, or a share of ``a`` like "25%".
+        Length of the overlap: whole px, or a percentage of ``a`` like "25%".
     side : {"right", "left", "bottom", "top"}
-        Where ``b`` continues; the two are aligned at the top, or at the left.
+        The side of ``a`` at which ``b`` continues; the two are aligned at the top, or at the left.
 
     Returns
     -------
     (Layer, Layer)
-        For :func:`toposeam.stitch`, named "a" and "b".
+        The layers, for :func:`toposeam.stitch`; arrays are named "a" and "b".
 
     Raises
     ------
     OptionError
-        When the overlap is no length, or larger than one of the pictures.
+        If the overlap is not a length, or larger than one of the pictures.
 
     Examples
     --------
@@ -54,7 +54,9 @@ def overlapping(a: Any, b: Any, *, overlap: float | str, side: Side = "right") -
 
 
 def shift(whole: int, other: int, overlap: float | str, side: Side) -> tuple[int, int]:
-    """(x, y) by which a picture of `other` px across a side of one of `whole` px must be moved to overlap it.
+    """Compute (x, y), px, by which the second of two pictures must be moved.
+
+    `whole` and `other` are the sizes, px, of the first and second picture across that side.
 
     Raises
     ------

@@ -1,8 +1,8 @@
-"""Labels and masks of a canvas that may be larger than memory.
+"""Label maps and masks of a canvas that may be larger than memory.
 
-A label map of a gigapixel shows one layer nearly everywhere. :class:`TileMap` keeps one value for each tile
-that is all alike, and pixels only for the others, those along the seams and the layers' edges. It reads and
-writes like an array, by rows and columns, so that small canvases simply use arrays (:func:`new_map`).
+A label map of a gigapixel shows one layer nearly everywhere. :class:`TileMap` keeps a single value for each
+tile of equal pixels, and an array only for the other tiles, which lie along seams and the edges of layers. It
+is read and written like an array, by slices of rows and columns; small canvases use arrays (:func:`new_map`).
 """
 
 from __future__ import annotations
@@ -18,18 +18,19 @@ from toposeam.arrays import Mask
 from toposeam.layers.canvas.layer import Box, Layer
 from toposeam.layers.canvas.packed_runs import packed, unpacked
 
-#: Canvases and layers of up to so many pixels have arrays.
+#: Maps of at most this many pixels are arrays.
 DENSE_PIXELS = 1 << 22
-#: Side of the tiles, px, and of the blocks in which whole canvases are gone through.
+#: Side of the tiles, and of the blocks in which whole canvases are processed, px.
 TILE, BLOCK = 128, 1024
-#: Side of the blocks in which masks are gone through that differ along the edges of layers only.
+#: Side of the blocks, px, in which masks are processed that change only along the edges of layers.
 EDGES = 256
 
+#: Slices of rows and columns.
 Windows2 = tuple[slice, slice]
 
 
 class TileMap:
-    """An (H, W) array of which most tiles hold one value.
+    """An (H, W) array in which most tiles hold a single value.
 
     Parameters
     ----------
@@ -50,22 +51,22 @@ class TileMap:
     def __init__(self, shape: tuple[int, int], fill: Any, dtype: npt.DTypeLike) -> None:
         self.shape, self.dtype, self.ndim = shape, np.dtype(dtype), 2
         self._values = np.full(tuple(-(-side // TILE) for side in shape), fill, self.dtype)
-        #: They are replaced, never changed: parts of a map have the same ones.
+        #: Tiles are replaced, never changed, since parts of a map share them.
         self._tiles: dict[tuple[int, int], npt.NDArray[Any]] = {}
 
     @property
     def nbytes(self) -> int:
-        """Of what is kept."""
+        """Memory in use, bytes."""
         return self._values.nbytes + sum(tile.nbytes for tile in self._tiles.values())
 
     def copy(self) -> TileMap:
-        """The same values, to be changed apart."""
+        """Return an independent copy."""
         result = TileMap(self.shape, 0, self.dtype)
         result._values, result._tiles = self._values.copy(), dict(self._tiles)
         return result
 
     def part(self, *boxes: Box) -> TileMap:
-        """The same in some boxes; zero elsewhere."""
+        """Return the map inside some boxes; 0 elsewhere."""
         result = TileMap(self.shape, 0, self.dtype)
         for box in boxes:
             rows, columns = _tiles_of(box.shared(Box(0, 0, *self.shape)))
@@ -92,7 +93,7 @@ class TileMap:
 
     def __getitem__(self, key: Windows2) -> npt.NDArray[Any]:
         rows, columns = self._bounds(key)
-        value = self._alike(rows, columns)
+        value = self._single_value(rows, columns)
         if value is not None:
             return np.full((len(rows), len(columns)), value, self.dtype)
         if not len(rows) or not len(columns):
@@ -140,21 +141,21 @@ class TileMap:
             self._put(at, tile)
 
     def _is_of_tiles(self, rows: range, columns: range) -> bool:
-        """Whether a window, which is not empty, holds of each tile all or nothing."""
+        """Test whether a window, which is not empty, consists of whole tiles."""
         return all(
             part.start < part.stop and part.start % TILE == 0 and (part.stop % TILE == 0 or part.stop == side)
             for part, side in zip((rows, columns), self.shape, strict=True)
         )
 
     def uniform(self, box: Box) -> Any:
-        """The one value of all tiles that a box lies on, None where they hold several."""
+        """Return the single value of all tiles that a box touches; None if they hold several."""
         common = box.shared(Box(0, 0, *self.shape))
         if not all(common.shape):
             return None
-        return self._alike(range(common.top, common.bottom), range(common.left, common.right))
+        return self._single_value(range(common.top, common.bottom), range(common.left, common.right))
 
     def holds(self, box: Box, value: Any) -> bool:
-        """Whether a box inside of the map holds nothing but a value."""
+        """Test whether all pixels of a box on the map have a value."""
         rows, columns = _tiles_of(box)
         right = self._values[rows.start : rows.stop, columns.start : columns.stop] == value
         for (r, c), tile in self._tiles.items():
@@ -166,7 +167,7 @@ class TileMap:
         return bool(right.all())
 
     def doubled(self, shape: tuple[int, int]) -> TileMap:
-        """Each pixel as four, up to a shape."""
+        """Return the map at twice the size, cut to a shape."""
         result = TileMap(shape, 0, self.dtype)
         rows, columns = result._values.shape
         result._values = self._values.repeat(2, axis=0).repeat(2, axis=1)[:rows, :columns].copy()
@@ -180,8 +181,10 @@ class TileMap:
         return result
 
     def alike(self, side: int, overlap: int) -> npt.NDArray[np.bool_]:
-        """Of all blocks of so many px a side, which reach over the next ones by some, whether :meth:`uniform`
-        knows their value; (rows, columns) of blocks.
+        """Test for all blocks of `side` px, which overlap the next ones, whether :meth:`uniform` finds a
+        value.
+
+        Returns (rows, columns) of blocks, bool.
         """
         least = most = self._values
         several = np.zeros(self._values.shape, bool)
@@ -193,13 +196,13 @@ class TileMap:
             first, last = starts // TILE, -(-stops // TILE)
             bounds = np.stack([first, np.minimum(last, least.shape[axis])], axis=1).ravel()
             least, most, several = (
-                _within(function, values, bounds, axis)
+                _reduced_between(function, values, bounds, axis)
                 for function, values in ((np.minimum, least), (np.maximum, most), (np.logical_or, several))
             )
         known: npt.NDArray[np.bool_] = (least == most) & ~several
         return known
 
-    def _alike(self, rows: range, columns: range) -> Any:
+    def _single_value(self, rows: range, columns: range) -> Any:
         if not len(rows) or not len(columns):
             return None
         first, last = rows[0] // TILE, rows[-1] // TILE + 1
@@ -220,7 +223,7 @@ class TileMap:
 
     @staticmethod
     def _parts(rows: range, columns: range) -> Iterator[tuple[tuple[int, int], Windows2, Windows2]]:
-        """The tiles a window lies on, and which part of each is which part of the window."""
+        """Yield the tiles that a window touches, with the parts of tile and window that coincide."""
         for r in range(rows.start // TILE, -(-rows.stop // TILE) if len(rows) else 0):
             top, bottom = max(rows.start, r * TILE), min(rows.stop, (r + 1) * TILE)
             for c in range(columns.start // TILE, -(-columns.stop // TILE) if len(columns) else 0):
@@ -242,35 +245,35 @@ class TileMap:
 
 
 def _tiles_of(box: Box) -> tuple[range, range]:
-    """The rows and columns of tiles that a box lies on."""
+    """Return the rows and columns of tiles that a box touches."""
     top, left, bottom, right = box
     return range(top // TILE, -(-bottom // TILE)), range(left // TILE, -(-right // TILE))
 
 
-def _within(
+def _reduced_between(
     function: np.ufunc, values: npt.NDArray[Any], bounds: npt.NDArray[np.intp], axis: int
 ) -> npt.NDArray[Any]:
-    """A function reduced along an axis between each two bounds, of which the last may be the end."""
-    ends = np.concatenate([values, values.take([-1], axis)], axis)  # reduceat knows no bound at the end
+    """Reduce values along an axis by a ufunc between pairs of bounds; the last bound may be the end."""
+    ends = np.concatenate([values, values.take([-1], axis)], axis)  # reduceat takes no bound at the end
     return function.reduceat(ends, bounds, axis).take(range(0, len(bounds), 2), axis)
 
 
 def new_map(shape: tuple[int, int], fill: Any, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
-    """An (H, W) array of one value to be written to, or what reads and writes like one."""
+    """Make an (H, W) map of one value, to be written to: an array, or a :class:`TileMap` if large."""
     if shape[0] * shape[1] <= DENSE_PIXELS:
         return np.full(shape, fill, dtype)
     return cast("npt.NDArray[Any]", TileMap(shape, fill, dtype))
 
 
 def doubled(values: npt.NDArray[Any], shape: tuple[int, int]) -> npt.NDArray[Any]:
-    """A map of which each pixel becomes four, up to a shape.
+    """Return a map at twice the size, each pixel as four, cut to a shape.
 
     Examples
     --------
     >>> doubled(np.array([[1, 2]], np.int16), (1, 3)).tolist()
     [[1, 1, 2]]
     """
-    if isinstance(values, TileMap):  # then the finer one is, too
+    if isinstance(values, TileMap):  # the larger one is a TileMap, too
         return cast("npt.NDArray[Any]", values.doubled(shape))
     result = new_map(shape, 0, values.dtype)
     for box in blocks(Box(0, 0, *values.shape), EDGES):
@@ -289,7 +292,7 @@ def _doubled(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
 
 
 def part_of(values: Any, *boxes: Box) -> npt.NDArray[Any]:
-    """A map as it is in some boxes, small enough to be handed to another process; anything elsewhere.
+    """Return a map inside some boxes, small enough to be passed to another process; elsewhere any value.
 
     Examples
     --------
@@ -304,7 +307,7 @@ def part_of(values: Any, *boxes: Box) -> npt.NDArray[Any]:
         return cast("npt.NDArray[Any]", values.part(*boxes))
     shape = values.shape[0], values.shape[1]
     inside = [box.shared(Box(0, 0, *shape)) for box in boxes]
-    value = uniform(values, inside[0])  # of all of it, where that is known
+    value = uniform(values, inside[0])  # the value of the whole map, if it is known
     result = TileMap(shape, 0 if value is None else value, values.dtype)
     for box in (box for box in inside if value is None and all(box.shape)):
         result[box.slices] = values[box.slices]
@@ -314,7 +317,7 @@ def part_of(values: Any, *boxes: Box) -> npt.NDArray[Any]:
 def made_map(
     shape: tuple[int, int], dtype: npt.DTypeLike, values: Callable[[Box], Any], side: int = BLOCK
 ) -> npt.NDArray[Any]:
-    """An (H, W) map, computed block by block; `values` gives an array or one value for a box of it."""
+    """Make an (H, W) map block by block; `values` computes an array, or a single value, for a box."""
     result = new_map(shape, 0, dtype)
     for box in blocks(Box(0, 0, *shape), side):
         result[box.slices] = values(box)
@@ -322,7 +325,7 @@ def made_map(
 
 
 def uniform(values: Any, box: Box) -> Any:
-    """The one value of a map in a box where that is known without looking at pixels, else None."""
+    """Return the single value of a map in a box if that is known without reading pixels, else None."""
     if isinstance(values, TileMap):
         return values.uniform(box)
     if isinstance(values, np.ndarray) and values.size and not any(values.strides):
@@ -331,25 +334,28 @@ def uniform(values: Any, box: Box) -> Any:
 
 
 def is_empty(mask: Any) -> bool:
-    """Whether a mask is False everywhere."""
+    """Test whether a mask is False everywhere."""
     return mask.holds(Box(0, 0, *mask.shape), False) if isinstance(mask, TileMap) else not np.any(mask)
 
 
 def dense(values: Any) -> npt.NDArray[Any]:
-    """The map as an array."""
+    """Return the map as an array."""
     return values[:, :] if isinstance(values, TileMap) else np.asarray(values)
 
 
 def blocks(box: Box, side: int = BLOCK, overlap: int = 0) -> Iterator[Box]:
-    """The blocks of a box, row by row; all but the last ones reach over the next ones by some pixels."""
+    """Yield the blocks of a box, row by row; each reaches over the next ones by `overlap` px."""
     for top in range(box.top, box.bottom, side):
         for left in range(box.left, box.right, side):
             yield Box(top, left, top + side + overlap, left + side + overlap).shared(box)
 
 
 def several(label_map: Any, box: Box, overlap: int = 1, side: int | None = None) -> Iterator[Box]:
-    """The blocks of a box in which a map has more than one value, with so many px of the next ones. They are
-    large where every block would have to be looked at, and small where that is known.
+    """Yield the blocks of a box in which a map has more than one value; each reaches over the next ones by
+    `overlap` px.
+
+    Blocks are large on arrays, where each must be read, and small on a :class:`TileMap`, where equal ones are
+    known.
     """
     if side is None:
         side = EDGES if isinstance(label_map, TileMap) else BLOCK
@@ -362,7 +368,7 @@ def several(label_map: Any, box: Box, overlap: int = 1, side: int | None = None)
 
 
 def cover_of(layer: Layer) -> Mask:
-    """(h, w) bool map, where a layer has pixels that may show."""
+    """(h, w) bool map, True where a layer has pixels that may show."""
     height, width = layer.image.shape[:2]
     if layer.alpha is None and layer.mask is None:
         return np.broadcast_to(np.True_, (height, width))
@@ -377,19 +383,19 @@ def cover_of(layer: Layer) -> Mask:
 
 
 def all_of(mask: Mask) -> bool:
-    """Whether a map is True everywhere."""
+    """Test whether a map is True everywhere."""
     box = Box(0, 0, *mask.shape)
     return all(bool(uniform(mask, block)) or bool(mask[block.slices].all()) for block in blocks(box))
 
 
 def any_of(mask: Mask) -> bool:
-    """Whether a map is True somewhere."""
+    """Test whether a map is True somewhere."""
     box = Box(0, 0, *mask.shape)
     return any(uniform(mask, block) is not False and bool(mask[block.slices].any()) for block in blocks(box))
 
 
 def occupied_columns(values: Any) -> npt.NDArray[np.bool_]:
-    """(w,) bool: the columns in which an (h, w) mask is True, or an opacity above 0."""
+    """(w,) bool: True at the columns in which an (h, w) mask is True, or an opacity above 0."""
     used = np.zeros(values.shape[1], bool)
     for box in blocks(Box(0, 0, *values.shape)):
         used[box.left : box.right] |= (values[box.slices] > 0).any(axis=0)
@@ -397,7 +403,7 @@ def occupied_columns(values: Any) -> npt.NDArray[np.bool_]:
 
 
 def ground(places: Sequence[Box], covers: Sequence[Mask], box: Box) -> Mask:
-    """(h, w) bool: where any layer has pixels in a box of the canvas; not to be written to."""
+    """(h, w) bool mask of a box of the canvas, True where any layer has pixels; may be read-only."""
     near = [k for k, place in enumerate(places) if all(place.shared(box).shape)]
     for k in near:
         if places[k].shared(box) == box and uniform(covers[k], box.moved(-places[k].top, -places[k].left)):

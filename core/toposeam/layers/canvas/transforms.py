@@ -1,4 +1,4 @@
-"""Transforms from the pixels of a picture to the canvas and back.
+"""Map the pixels of a picture to the canvas and back.
 
 A plane transform is a homography. A camera looks at a sphere round it: a turn, a focal length and a radial
 distortion say which ray each pixel sees, and a projection where that ray meets the canvas.
@@ -16,22 +16,23 @@ from functools import lru_cache
 from typing import Literal, Protocol, TypeAlias, get_args
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 
-Floats: TypeAlias = npt.NDArray[np.float64]
+from toposeam.arrays import Floats
+
 Projection: TypeAlias = Literal["flat", "cylinder", "sphere", "panini"]
 
 PROJECTIONS: tuple[Projection, ...] = get_args(Projection)
-#: Where a transform enlarges a picture by more than so many times, the picture is cut off.
+#: Largest enlargement of a picture; where a transform enlarges it more, the picture is cut off.
 LARGEST_ENLARGEMENT = 3.0
-#: Coordinates of what a picture does not show.
+#: Coordinates of canvas pixels that a picture does not show.
 NOWHERE = -1e6
+#: Steps of Newton's method at most, to undo a distortion.
 _NEWTON_STEPS = 8
 
 
 class Transform(Protocol):
-    """From the pixels of a picture to the canvas and back."""
+    """A map from the pixels of a picture to the canvas and back."""
 
     def to_canvas(self, points: Floats) -> Floats:
         """Map (..., 2) points of the picture; NaN where the canvas does not show them."""
@@ -77,7 +78,7 @@ class PlaneTransform:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class CameraTransform:
-    """A picture taken from a point, as the canvas shows what is seen from there.
+    """A picture that a camera took, and the projection of the canvas.
 
     Examples
     --------
@@ -90,18 +91,18 @@ class CameraTransform:
 
     #: Width and height of the picture, px.
     size: tuple[int, int]
-    #: (3, 3): rays of the camera's frame become rays of the canvas's.
+    #: (3, 3), from rays of the camera's frame to rays of the canvas's.
     rotation: Floats
-    #: px.
+    #: Focal length, px.
     focal: float
     projection: Projection
     #: px per radian in the middle of the canvas.
     radius: float
-    #: a, b, c of the radial distortion, and how far the optical axis lies from the picture's centre, px.
+    #: a, b, c of the radial distortion, and the shift of the optical axis from the picture's centre, px.
     lens: tuple[float, float, float] = (0.0, 0.0, 0.0)
     shift: tuple[float, float] = (0.0, 0.0)
     #: Degrees across that the canvas shows, half of them to either side of its middle; None for all. Points
-    #: beyond are mapped as all others.
+    #: beyond are mapped like all others.
     fov: float | None = None
     _yaw: float = field(init=False, default=0.0)
 
@@ -118,7 +119,7 @@ class CameraTransform:
 
     @property
     def edge(self) -> float:
-        """How far the canvas reaches to either side of its middle, px."""
+        """The reach of the canvas to either side of its middle, px."""
         half = math.inf if self.fov is None else math.radians(self.fov) / 2
         if self.projection == "flat":
             return self.radius * math.tan(half) if half < math.pi / 2 else math.inf
@@ -175,7 +176,7 @@ def distorted(
     lens: tuple[float, float, float],
     shift: tuple[float, float] = (0.0, 0.0),
 ) -> Floats:
-    """Map points on the plane of a picture, px from the optical axis, to where the lens draws them.
+    """Distort points on the plane of a picture, px from the optical axis, as the lens does.
 
     Parameters
     ----------
@@ -190,7 +191,7 @@ def distorted(
     Returns
     -------
     (..., 2) float array
-        NaN beyond the radius where the distortion turns back.
+        x and y in the picture, px; NaN beyond the radius where the distortion turns back.
     """
     centre = (np.array(size) - 1) / 2 + np.array(shift)
     if not any(lens):
@@ -203,17 +204,34 @@ def distorted(
 
 def undistorted(
     points: Floats,
-    size: tuple[int, int],
+    size: tuple[int, int] | Floats,
     lens: tuple[float, float, float],
     shift: tuple[float, float] = (0.0, 0.0),
 ) -> Floats:
-    """Invert :func:`distorted` by Newton's method."""
-    centre = (np.array(size) - 1) / 2 + np.array(shift)
-    drawn = points - centre
+    """Invert :func:`distorted` by Newton's method.
+
+    Parameters
+    ----------
+    points : (..., 2) float array
+        x and y in the picture, px.
+    size : (int, int) or (..., 2) float array
+        Width and height of the picture, px, or of each point's own picture.
+    lens : (float, float, float)
+        a, b and c.
+    shift : (float, float)
+        Of the optical axis from the picture's centre, px.
+
+    Returns
+    -------
+    (..., 2) float array
+        px from the optical axis.
+    """
+    sides = np.asarray(size, float)
+    drawn = points - ((sides - 1) / 2 + np.array(shift))
     if not any(lens):
         return np.asarray(drawn)
     a, b, c = lens
-    half, farthest = min(size) / 2, _turning_radius(lens)
+    half, farthest = sides.min(axis=-1, keepdims=True) / 2, _turning_radius(lens)
     wanted = np.linalg.norm(drawn, axis=-1, keepdims=True) / half
     radius = np.minimum(wanted, 0.95 * farthest)
     for _ in range(_NEWTON_STEPS):
@@ -227,13 +245,14 @@ def undistorted(
 
 
 def _factor(radius: Floats, lens: tuple[float, float, float]) -> Floats:
+    """Compute the distorted radius ÷ the radius."""
     a, b, c = lens
     return np.asarray(((a * radius + b) * radius + c) * radius + 1 - a - b - c)
 
 
 @lru_cache(maxsize=64)
 def _turning_radius(lens: tuple[float, float, float]) -> float:
-    """Where the drawn radius stops growing; at most 10."""
+    """Return the radius from which on the distorted radius no longer grows; at most 10."""
     a, b, c = lens
     roots = np.roots([4 * a, 3 * b, 2 * c, 1 - a - b - c])
     real = roots[np.abs(roots.imag) < 1e-9].real
@@ -241,18 +260,19 @@ def _turning_radius(lens: tuple[float, float, float]) -> float:
 
 
 def wrapped(angles: Floats) -> Floats:
-    """Angles in [−π, π)."""
+    """Wrap angles to [−π, π)."""
     return np.asarray((angles + math.pi) % (2 * math.pi) - math.pi)
 
 
 def _homogeneous(matrix: Floats, points: Floats) -> tuple[Floats, Floats, Floats]:
+    """Map (..., 2) points by a (3, 3) homography: x, y and w."""
     x, y = points[..., 0], points[..., 1]
     across, down, w = (row[0] * x + row[1] * y + row[2] for row in matrix)
     return across, down, w
 
 
 def is_move(transform: Transform) -> bool:
-    """Whether a transform only moves."""
+    """Test whether a transform only moves."""
     if not isinstance(transform, PlaneTransform):
         return False
     matrix = transform.matrix
@@ -260,7 +280,9 @@ def is_move(transform: Transform) -> bool:
 
 
 def similarity(at: tuple[float, float], turn: float = 0.0, scale: float = 1.0) -> PlaneTransform:
-    """A turn, degrees clockwise round the upper left pixel, a scale, and a move, px."""
+    """Return the transform that turns by degrees clockwise round the upper left pixel, scales, and moves by
+    `at` px.
+    """
     a, b = scale * math.cos(math.radians(turn)), scale * math.sin(math.radians(turn))
     if turn == 0 and scale == 1:
         a, b = 1.0, 0.0
@@ -268,8 +290,12 @@ def similarity(at: tuple[float, float], turn: float = 0.0, scale: float = 1.0) -
 
 
 def reach(transform: Transform, size: tuple[int, int]) -> tuple[Floats, Floats] | None:
-    """Least and greatest x and y on the canvas of what is shown of a picture of that width and height; None
-    where nothing is. Where the field of view ends, a whole pixel.
+    """Find the part of the canvas that a picture of that width and height fills.
+
+    Returns
+    -------
+    (least, greatest) or None
+        x and y, px, whole where the field of view ends; None where the canvas shows nothing of it.
     """
     width, height = size
     edge = transform.edge if isinstance(transform, CameraTransform) else math.inf

@@ -1,4 +1,4 @@
-"""Pictures warped onto the canvas: once, from their own pixels, block by block."""
+"""Warp pictures onto the canvas: once, from their own pixels, block by block."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from toposeam.images import check_values, full_scale, in_dtype
 from toposeam.layers.canvas.layer import Box, Layer
 from toposeam.layers.canvas.transforms import Transform, is_move, reach
 
-#: Side of the blocks, px; beyond a block's own pixels a spline needs so many (its coefficients fall to a
-#: thousandth over five).
+#: Side of the blocks, px, and the pixels that a spline needs beyond a block's own: its coefficients fall to a
+#: thousandth over five.
 _BLOCK, _MARGIN = 256, 12
-#: Coordinates are computed at every so many px and between them linearly.
+#: Step at which coordinates are computed, px; between, they are interpolated linearly.
 _STEP = 8
 
 
 def warped_box(layer: Layer, transform: Transform) -> Box:
-    """The rectangle of the canvas that a warped picture fills.
+    """Find the rectangle of the canvas that a warped picture fills.
 
     Raises
     ------
@@ -44,7 +44,7 @@ def warped_box(layer: Layer, transform: Transform) -> Box:
 
 
 def coordinates(transform: Transform, box: Box) -> Floats:
-    """(h, w, 2) x and y in the picture of the canvas pixels of a box."""
+    """Compute x and y in the picture, px, of the canvas pixels of a box: (h, w, 2)."""
     rows, columns = box.shape
     down, across = (np.minimum(np.arange(-(-side // _STEP) + 1) * _STEP, side - 1) for side in box.shape)
     coarse = transform.to_picture(np.stack(np.meshgrid(across + box.left, down + box.top), axis=-1) + 0.0)
@@ -53,7 +53,7 @@ def coordinates(transform: Transform, box: Box) -> Floats:
 
 
 def _between(values: Complexes, knots: npt.NDArray[np.intp], count: int) -> Complexes:
-    """(n, count) linear interpolation of (n, K) values at knots."""
+    """Interpolate (n, K) values at knots linearly: (n, count)."""
     change = np.zeros_like(values)
     np.subtract(values[:, 1:], values[:, :-1], out=change[:, :-1])
     change[:, :-1] /= np.maximum(np.diff(knots), 1)
@@ -129,22 +129,27 @@ def warped(layer: Layer, transform: Transform) -> Layer:
 
 
 def inside(at: Floats, size: tuple[int, int]) -> Mask:
-    """Where (..., 2) coordinates x and y lie on a picture of that width and height."""
+    """Test which (..., 2) coordinates x and y lie on a picture of that width and height."""
     edge = 1e-6
     x, y = at[..., 0], at[..., 1]
     return np.asarray((x > -edge) & (y > -edge) & (x < size[0] - 1 + edge) & (y < size[1] - 1 + edge))
 
 
 def resampled(planes: npt.NDArray[Any], white: float, points: Floats) -> npt.NDArray[Any]:
-    """(M, C) values of an (H, W, C) picture at (M, 2) points x and y, by cubic splines, in its dtype.
+    """Interpolate a picture by cubic splines.
 
     Parameters
     ----------
     planes : (H, W, C) array
     white : float
-        Where integers end.
+        Greatest value of integers.
     points : (M, 2) float array
-        At least one.
+        x and y, px; at least one.
+
+    Returns
+    -------
+    (M, C) array
+        Of the dtype of `planes`.
     """
     low = np.maximum(np.floor(points.min(axis=0)).astype(int) - _MARGIN, 0)
     high = np.ceil(points.max(axis=0)).astype(int) + _MARGIN + 1
@@ -165,7 +170,7 @@ def resampled(planes: npt.NDArray[Any], white: float, points: Floats) -> npt.NDA
 
 
 def interpolated(plane: npt.NDArray[Any], points: Floats) -> npt.NDArray[np.float32]:
-    """(M,) values of a plane at (M, 2) points x and y, linearly; beyond an end, its values."""
+    """Interpolate a plane linearly at (M, 2) points x and y; beyond an end its values go on: (M,)."""
     result: npt.NDArray[np.float32] = scipy.ndimage.map_coordinates(
         plane, points[:, ::-1].T, order=1, mode="nearest", output=np.float32
     )

@@ -1,13 +1,12 @@
 from .composition import WINDOW_BLOCKS, Composition
-from .local_warp import MOST
-from .options import StitchOptions
+from .options import MOST_BENT, StitchOptions
 from .restitch import restitch
 from .sinks import ArraySink, Sink
 from .stitch import composed_of_masks, stitch
 from .summary import SeamOutline, pair_name, seams_svg
 
 __all__ = [
-    "MOST",
+    "MOST_BENT",
     "WINDOW_BLOCKS",
     "ArraySink",
     "Composition",

@@ -1,4 +1,4 @@
-"""Placed layers, and which of them shows where: the result of joining, as a picture and by windows."""
+"""The result of joining layers: a picture of a canvas, whole or by windows, with its seams and figures."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ from toposeam.layers.composite.seams import SeamFigures, Seams
 from toposeam.layers.composite.sinks import Sink
 from toposeam.layers.composite.summary import SeamOutline, seams_svg, summary_of
 from toposeam.layers.execution.tasks import Executor, results
-from toposeam.layers.labelling.label_map import LabelMap
-from toposeam.layers.labelling.problem import Labelling, Pair
+from toposeam.layers.labelling.label_map import LabelMap, Pair
+from toposeam.layers.labelling.problem import Labelling
 from toposeam.picture_files import PictureResult
 from toposeam.seam.result.seam import Seam
 from toposeam.seam.result.verdict import Verdict, worst_of
 from toposeam.sentence import counted
 
-#: Windows that are rendered at once are this many blocks wide, and one high.
+#: Width of a rendered window, in blocks of 1024 px; it is one block high.
 WINDOW_BLOCKS = 4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Composition(PictureResult):
-    """Which layer shows where, and the picture of that, whole or by windows.
+    """A label map applied to the layers of a canvas: the picture, whole or by windows, and its seams.
 
     Examples
     --------
@@ -50,16 +50,16 @@ class Composition(PictureResult):
     (True, np.float64(1.0))
     """
 
-    #: The layers as they show, after their tones were matched, and where they lie.
+    #: The layers, with their tones matched, in their places.
     canvas: Canvas
-    #: The label map of the canvas, and how it was found.
+    #: The label map of the canvas, with the engine, rounds and seconds of its search.
     solution: LabelMap
-    #: What happens across the seams.
+    #: The blend that is applied across the seams.
     blending: Blending
-    #: The farthest by which layers were bent to meet at the seams, px.
+    #: The largest displacement by which layers were bent to meet at the seams, px.
     bent: float = 0.0
     _seams: Seams
-    #: What of the canvas is shown; it may reach beyond the canvas. None for all of it.
+    #: The box of the canvas that the picture shows; it may reach beyond the canvas. None for all of it.
     _view: Box | None = None
 
     def __repr__(self) -> str:
@@ -75,7 +75,7 @@ class Composition(PictureResult):
 
     @property
     def layers(self) -> tuple[Layer, ...]:
-        """The layers as they show."""
+        """The layers, with their tones matched."""
         return tuple(self.canvas.layers)
 
     @property
@@ -85,7 +85,7 @@ class Composition(PictureResult):
 
     @property
     def view(self) -> Box:
-        """What of the canvas the picture shows."""
+        """The box of the canvas that the picture shows."""
         return self.canvas.box if self._view is None else self._view
 
     @property
@@ -104,24 +104,26 @@ class Composition(PictureResult):
         return self.canvas.period
 
     def crop(self, box: Box | tuple[int, int, int, int]) -> Composition:
-        """Return what a box of the picture shows: top, left, bottom and right in px, with the pixel of the
-        upper left corner and without that of the lower right one. Beyond the canvas it is empty.
+        """Return a composition that shows only a box of this picture.
+
+        `box` is (top, left, bottom, right) in px of the picture; bottom and right are exclusive. Beyond the
+        canvas the result is transparent.
         """
         top, left = self.view[:2]
         return dataclasses.replace(self, _view=Box(*box).moved(top, left))
 
     def moved(self, right: int, down: int) -> Composition:
-        """Return the same on a canvas that lies farther right and down, px."""
+        """Return the composition with its canvas moved right and down by px."""
         return dataclasses.replace(self, canvas=self.canvas.moved(right, down))
 
     @property
     def image(self) -> Image:
-        """(H, W) or (H, W, C), dtype of the layers; 0 where no layer has pixels."""
+        """(H, W) or (H, W, C) array in the layers' dtype; 0 where no layer has pixels."""
         return self._picture[0]
 
     @property
     def alpha(self) -> Image | None:
-        """(H, W) opacity in the layers' dtype, or None where every pixel is opaque."""
+        """(H, W) opacity in the layers' dtype, up to full scale; None if every pixel is opaque."""
         alpha = self._picture[1]
         return None if alpha.min() == full_scale(alpha.dtype) else alpha
 
@@ -131,19 +133,20 @@ class Composition(PictureResult):
 
     @cached_property
     def label_map(self) -> Labels:
-        """(H, W) int16, the number of the layer that shows at each pixel; -1 where none has pixels."""
+        """(H, W) int16 array: the number of the layer that shows, -1 where none has pixels."""
         return dense(self.labels(slice(None), slice(None)))
 
     @property
     def masks(self) -> tuple[Mask, ...]:
-        """One (H, W) bool mask per layer: where it shows. They never overlap and together cover what any
-        layer covers.
+        """One (H, W) bool mask per layer, True where it shows.
+
+        The masks do not overlap; their union is every pixel that some layer covers.
         """
         return tuple(self.label_map == index for index in range(len(self.names)))
 
     @cached_property
     def shown(self) -> tuple[int, ...]:
-        """How many pixels of the picture each layer shows."""
+        """The number of pixels of the picture that show each layer."""
         count = np.zeros(len(self.names) + 1, np.int64)
         labels = self.solution.labels
         for box in blocks(self.view.shared(self.canvas.box)):
@@ -156,43 +159,44 @@ class Composition(PictureResult):
 
     @property
     def hidden(self) -> tuple[int, ...]:
-        """The numbers of the layers that show nowhere, since others cover them and seams cost less so."""
+        """The numbers of the layers that show at no pixel, since other layers cover them at less cost."""
         return tuple(index for index, count in enumerate(self.shown) if not count)
 
     @property
     def labelling(self) -> Labelling:
-        """The problem that the label map solves, for :func:`toposeam.layers.recut`."""
+        """The labelling problem that the label map solves, for :func:`toposeam.layers.recut`."""
         return self._seams.labelling
 
     @property
     def rounds(self) -> int:
-        """Rounds of expansions that were made, 0 for two layers."""
+        """The number of rounds of expansions that were made, 0 for two layers."""
         return self.solution.rounds
 
     @property
     def pairs(self) -> tuple[Pair, ...]:
-        """Which two layers each seam divides, by number; ``b`` of the seam is the second one."""
+        """The pair of layers of each seam, by number; ``b`` of the seam is the second one."""
         return tuple(self._seams.pairs)
 
     @cached_property
     def seams(self) -> tuple[Seam, ...]:
-        """One seam per pair of layers that adjoin where both have pixels, on the canvas; those of more than
-        two layers are made when this is first read.
+        """One seam per pair of layers that adjoin where both have pixels, on the canvas.
+
+        For more than two layers they are computed when this is first read.
         """
         return tuple(self._seams.seam(pair) for pair in self.pairs)
 
     @cached_property
     def outlines(self) -> tuple[SeamOutline, ...]:
-        """The seams without the problems they solve, which together may be larger than memory."""
+        """The seams without their problems, which together may be larger than memory."""
         return tuple(SeamOutline.of(pair, self._seams.seam(pair, beside=True)) for pair in self.pairs)
 
     def figures(self, executor: Executor | None = None) -> Mapping[Pair, SeamFigures]:
-        """All seams in figures, which takes less than making them.
+        """Compute length, cost and verdict of each seam, without making the seams.
 
         Parameters
         ----------
         executor : concurrent.futures.Executor, optional
-            Where costs along the seams are looked up, each seam by itself.
+            Evaluates the costs along the seams, one seam a task.
 
         Examples
         --------
@@ -211,22 +215,22 @@ class Composition(PictureResult):
 
     @property
     def verdict(self) -> Verdict | None:
-        """That of the seam most likely to be seen; None unless the law of the match cost is "natural"."""
+        """The verdict on the most visible seam; None unless the law of the match cost is "natural"."""
         return worst_of(figures.verdict for figures in self.figures().values())
 
     def summary(self, *, optima: bool = True) -> dict[str, Any]:
-        """The result in numbers, as JSON has them (:mod:`toposeam.layers.composite.summary`).
+        """Return the composition in numbers, as JSON has them (:mod:`toposeam.layers.composite.summary`).
 
         Parameters
         ----------
         optima : bool
-            Whether the least possible cost of each seam is computed, which can take longer than the seams
-            took; None otherwise.
+            Whether to compute the least possible cost of each seam, which can take longer than finding the
+            seams; otherwise these entries are None.
         """
         return summary_of(self, optima=optima)
 
     def to_svg(self, path: str | Path | None = None) -> str:
-        """All seams as one SVG document of the canvas; the paths of a seam are named after its layers, as
+        """Return all seams as one SVG document of the canvas; each path has the names of its two layers, as
         ``"first.png : second.png"``.
 
         Parameters
@@ -242,20 +246,20 @@ class Composition(PictureResult):
         return text
 
     def labels(self, rows: slice, columns: slice) -> Labels:
-        """(h, w) int16, the number of the layer that shows in a window of the picture; -1 where none does."""
+        """(h, w) int16 array: the number of the layer that shows in a window of the picture, -1 for none."""
         box, labels = self._window(rows, columns), self.solution.labels
         inside = box.shared(self.canvas.box)
         if inside == box:
             found: Labels = labels[box.slices]
-            return found.copy() if isinstance(labels, np.ndarray) else found  # maps of tiles give copies
+            return found.copy() if isinstance(labels, np.ndarray) else found  # a TileMap returns copies
         return cut(labels, self.canvas.box, box, fill=-1)
 
     def window(self, rows: slice, columns: slice) -> tuple[Image, Image]:
-        """The picture in a window of it, (h, w[, C]), and its opacity, (h, w), in the layers' dtype; 0 where
-        no layer has pixels.
+        """Return the picture in a window, (h, w[, C]), and its opacity, (h, w), both in the layers' dtype.
 
-        Windows of the whole canvas whose edges are multiples of 1024 px cost the least. The blend "gradient"
-        knows no windows: the first one computes the whole picture.
+        Both are 0 where no layer has pixels. Windows of the whole canvas whose edges are multiples of 1024 px
+        are the fastest. The blend "gradient" cannot be computed by windows: the first call computes the whole
+        picture.
         """
         return _painted(self._painter, self._window(rows, columns))
 
@@ -266,28 +270,29 @@ class Composition(PictureResult):
         executor: Executor | None = None,
         progress: Callable[[float], None] | None = None,
     ) -> None:
-        """Give the picture to a sink, window by window.
+        """Write the picture to a sink, window by window.
 
         Parameters
         ----------
         sink : Sink
         executor : concurrent.futures.Executor, optional
-            Where windows are painted and written; the result is the same. Layers are handed to it: let their
-            images be Windows that are small when pickled, such as those that know a file's name.
+            Paints and writes the windows; the result is the same. The layers are pickled for it: their
+            images should be Windows that pickle small, such as those that hold a file's name.
         progress : callable, optional
-            Called with the share of the work done, in [0, 1].
+            Called with the fraction of the work that is done, in [0, 1].
         """
         painter, channels = self._painter, self._painter.channels
-        handed = None if self.blending.needs_whole else executor
+        workers = None if self.blending.needs_whole else executor
         boxes = list(self._windows())
         sink.open(self.shape if channels is None else (*self.shape, channels), self.layers[0].image.dtype)
 
         def item(box: Box) -> tuple[Painter, Box, Box, Sink]:
-            there = box.moved(*self.view[:2])
-            return painter if handed is None else painter.part(there.shared(painter.box)), there, box, sink
+            on_canvas = box.moved(*self.view[:2])
+            part = painter if workers is None else painter.part(on_canvas.shared(painter.box))
+            return part, on_canvas, box, sink
 
         for number, (box, answer) in enumerate(
-            zip(boxes, results(handed, _rendered, map(item, boxes)), strict=True), start=1
+            zip(boxes, results(workers, _rendered, map(item, boxes)), strict=True), start=1
         ):
             sink.take(box, answer)
             if progress is not None:
@@ -295,7 +300,7 @@ class Composition(PictureResult):
         sink.close()
 
     def _windows(self) -> Iterator[Box]:
-        """Boxes of the picture, row by row."""
+        """Yield the boxes in which the picture is rendered, row by row."""
         height, width = self.shape
         for top in range(0, height, BLOCK):
             for left in range(0, width, WINDOW_BLOCKS * BLOCK):
@@ -304,7 +309,7 @@ class Composition(PictureResult):
                 )
 
     def _window(self, rows: slice, columns: slice) -> Box:
-        """A window of the picture as a box of the canvas."""
+        """Convert a window of the picture to a box of the canvas."""
         (top, bottom), (left, right) = (
             part.indices(side)[:2] for part, side in zip((rows, columns), self.shape, strict=True)
         )
@@ -316,12 +321,12 @@ class Composition(PictureResult):
         return Painter.of(self.canvas, self.solution.labels, self.blending, channels, self._fadings)
 
     def _fadings(self) -> list[Fading]:
-        """What fades between layers, by the label potentials of the seams."""
+        """Return the label potentials of all seams, for the blend."""
         return [Fading.of(pair, self._seams.seam(pair)) for pair in self.pairs]
 
 
 def _painted(painter: Painter, box: Box) -> tuple[Image, Image]:
-    """A box of the canvas as it is painted, and its opacity; empty beyond the canvas."""
+    """Paint a box of the canvas; return its pixels and opacity, 0 beyond the canvas."""
     inside = box.shared(painter.box)
     if inside == box:
         return painter.window(box)
@@ -333,6 +338,6 @@ def _painted(painter: Painter, box: Box) -> tuple[Image, Image]:
 
 
 def _rendered(item: tuple[Painter, Box, Box, Sink]) -> Any:
-    """Paint a box of the canvas, and write it to a box of the picture; what the sink answers."""
-    painter, there, box, sink = item
-    return sink.write(box, *_painted(painter, there))
+    """Paint a box of the canvas, write it to the sink, and return the sink's answer."""
+    painter, on_canvas, box, sink = item
+    return sink.write(box, *_painted(painter, on_canvas))

@@ -1,6 +1,7 @@
-"""Which of placed layers shows where: of two by one seam, of more by rounds of expansions, or as masks say.
+"""Find the label map of a canvas: by one seam for two layers, by rounds of expansions for more, or from
+masks.
 
-Two layers are left to the engines of :mod:`toposeam.seam`, whose seams are the best there are.
+Two layers are left to the engines of :mod:`toposeam.seam`, the best of which find the optimal seam.
 """
 
 from __future__ import annotations
@@ -26,9 +27,9 @@ from toposeam.layers.composite.options import StitchOptions
 from toposeam.layers.composite.seams import KnownSeams, Seams, SeamsOfMap
 from toposeam.layers.composite.two_layers import divided, join, order_of
 from toposeam.layers.execution.progress import Progressed
-from toposeam.layers.labelling.label_map import LabelMap
+from toposeam.layers.labelling.label_map import LabelMap, Pair
 from toposeam.layers.labelling.posing import CORE, pose_labelling
-from toposeam.layers.labelling.problem import Labelling, Pair
+from toposeam.layers.labelling.problem import Labelling
 from toposeam.layers.search.multilevel import minimise, recut
 from toposeam.layers.search.options import SearchOptions, search_options
 from toposeam.layers.search.problem import Problem
@@ -37,25 +38,26 @@ from toposeam.seam.problem.match_cost import MatchCost
 from toposeam.seam.problem.posing import as_weights
 from toposeam.vector.svg import SvgSeam
 
-#: On a round canvas what adjoins at the cut is searched again this share of the width to either side, but in
-#: no more than this many pixels, or else this many px to either side.
-_BAND_SHARE, _BAND_PIXELS, _BAND_WIDTH = 16, 150_000, 32
+#: A round canvas is searched again in a band round its cut. The band reaches 1 / _BAND_SHARE of the width to
+#: either side, so that the seams near the cut can move; it holds at most _BAND_PIXELS pixels, which bounds
+#: the time, but reaches at least _LEAST_BAND_HALF px to either side.
+_BAND_SHARE, _BAND_PIXELS, _LEAST_BAND_HALF = 16, 150_000, 32
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SeamSearch:
-    """How the seams of a number of layers are searched: options, and what follows from them."""
+    """The options of a search for seams, with the defaults filled in for the number of layers."""
 
     options: StitchOptions
     method: Method
     match: MatchCost
-    #: Fields of the method's own options.
+    #: The method's own options, by name.
     settings: Mapping[str, Any]
     thorough: SearchOptions
 
     @classmethod
     def of(cls, options: StitchOptions, count: int) -> SeamSearch:
-        """Choose what the options leave open, for a number of layers."""
+        """Fill in the options that depend on the number of layers."""
         method = options.method_of(count)
         own = method_options(method, {}, options.options)
         return cls(
@@ -72,7 +74,7 @@ class SeamSearch:
         return Problem.of(labelling, self.method, self.settings, self.thorough, self.options.executor, steps)
 
     def common(self, canvas: Canvas) -> dict[str, Any]:
-        """Return the options of :func:`toposeam.find_seam` that all pairs of layers have in common."""
+        """Return the options of :func:`toposeam.find_seam` that are the same for all pairs of layers."""
         core = CORE if self.options.core is None else self.options.core
         white = canvas.layers[0].data_range
         return {"cost": self.match, "core": core, "speck": self.options.speck, "data_range": white}
@@ -90,7 +92,7 @@ class SeamSearch:
         return recut(labelling, label_map, opened, fixed, solver=solver, search=self.thorough)
 
     def recorded(self) -> dict[str, Any]:
-        """Return the settings that all seams have in common."""
+        """Return the settings that are recorded with every seam."""
         return {
             "core": self.options.core,
             "speck": self.options.speck,
@@ -99,7 +101,7 @@ class SeamSearch:
 
 
 def check_alike(layers: Sequence[Layer]) -> None:
-    """Refuse layers whose values do not mean the same.
+    """Refuse layers that differ in dtype, white level or number of channels.
 
     Raises
     ------
@@ -124,7 +126,7 @@ def check_alike(layers: Sequence[Layer]) -> None:
 def find_label_map(
     canvas: Canvas, search: SeamSearch, paths: Mapping[Pair, SvgSeam]
 ) -> tuple[LabelMap, Seams]:
-    """Find which layer shows where, and the seams of that; `paths` are seams that are given.
+    """Find the label map of a canvas and its seams; `paths` are seams that are given.
 
     Raises
     ------
@@ -134,7 +136,7 @@ def find_label_map(
     """
     options = search.options
     if canvas.period is not None:
-        return _all_round(canvas, search, paths)
+        return _by_cutting_open(canvas, search, paths)
     maps = {
         "weight": None if options.weight is None else as_weights(options.weight, canvas.shape),
         "avoid": None if options.avoid is None else as_mask(options.avoid, canvas.shape, "avoid"),
@@ -170,11 +172,13 @@ def _by_rounds(
     return found, seams
 
 
-def _all_round(canvas: Canvas, search: SeamSearch, paths: Mapping[Pair, SvgSeam]) -> tuple[LabelMap, Seams]:
-    """Cut the canvas open where fewest layers lie beside each other, and search as on a flat one.
+def _by_cutting_open(
+    canvas: Canvas, search: SeamSearch, paths: Mapping[Pair, SvgSeam]
+) -> tuple[LabelMap, Seams]:
+    """Search a round canvas as a flat one, cut open at the column on which fewest layers lie.
 
-    Where one layer lies at the cut, no seam runs there. Where several do, what adjoins there is searched
-    again in a band round the cut while everything else stays.
+    If one layer lies at the cut, no seam crosses it. If several do, the labels in a band round the cut are
+    searched again, and all others stay.
     """
     options, period = search.options, canvas.shape[1]
     if options.weight is not None or options.avoid is not None or paths:
@@ -183,7 +187,7 @@ def _all_round(canvas: Canvas, search: SeamSearch, paths: Mapping[Pair, SvgSeam]
             kind="conflict",
             paths=Term("use_path", "paths"),
         )
-    half = max(8, min(period // _BAND_SHARE, max(_BAND_WIDTH, _BAND_PIXELS // (2 * canvas.shape[0]))))
+    half = max(8, min(period // _BAND_SHARE, max(_LEAST_BAND_HALF, _BAND_PIXELS // (2 * canvas.shape[0]))))
     column, beside = canvas.sparsest_column(away=half)
     opened = canvas.cut_open(column)
     labelling = search.pose(opened)
@@ -198,7 +202,7 @@ def _all_round(canvas: Canvas, search: SeamSearch, paths: Mapping[Pair, SvgSeam]
 
 
 def _columns(shape: tuple[int, int], left: int, right: int) -> Mask:
-    """(H, W) bool map of some columns."""
+    """Return an (H, W) bool map that is True in a range of columns."""
 
     def values(box: Box) -> Mask:
         columns = np.arange(box.left, box.right)
@@ -208,8 +212,10 @@ def _columns(shape: tuple[int, int], left: int, right: int) -> Mask:
 
 
 def label_map_of_masks(canvas: Canvas, masks: Sequence[npt.ArrayLike] | None) -> LabelMap:
-    """Compute the label map that masks on the canvas say, of which later ones win; None shows every layer
-    wherever it has pixels. What no mask gives to anybody is the first layer's that has pixels there.
+    """Compute the label map of given masks, of which later ones win.
+
+    `masks` are on the canvas; None stands for masks that are True everywhere. A pixel that no mask claims
+    shows the first layer that has pixels there.
     """
     flat = canvas.cut_open()
     labels: Labels = new_map(flat.shape, -1, np.int16)

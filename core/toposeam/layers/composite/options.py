@@ -6,24 +6,29 @@ import dataclasses
 import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 import numpy.typing as npt
 
 from toposeam.checks import check_choice, check_function, check_number, check_whole
+from toposeam.errors import OptionError, Term
 from toposeam.layers.blending.blend import blending_of
 from toposeam.layers.blending.mixing import Blend, Blending
 from toposeam.layers.canvas.layer import MAX_MEGAPIXELS
-from toposeam.layers.composite.local_warp import check_give
 from toposeam.layers.execution.tasks import Executor, check_executor
-from toposeam.layers.labelling.problem import Pair
+from toposeam.layers.labelling.label_map import Pair
 from toposeam.layers.search.options import Effort, SearchOptions, search_options
 from toposeam.seam.find import Method, method_for, method_options, usual_law
-from toposeam.seam.heat.method import HeatOptions
 from toposeam.seam.problem.match_cost import MatchCost, match_options
 from toposeam.seam.problem.overlap import check_core
-from toposeam.seam.thesis.options import ThesisOptions
-from toposeam.vector.svg import SvgSeam
+
+if TYPE_CHECKING:
+    from toposeam.seam.heat.method import HeatOptions
+    from toposeam.seam.thesis.options import ThesisOptions
+    from toposeam.vector.svg import SvgSeam
+
+#: The farthest by which layers may be bent, px.
+MOST_BENT = 32
 
 Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
@@ -76,7 +81,7 @@ class StitchOptions:
     #: (:mod:`toposeam.layers.exposure.gains`).
     match_tones: bool = False
     #: The same, and a smooth field of gain, since lenses darken towards the corners
-    #: (:mod:`toposeam.layers.exposure.shading`).
+    #: (:mod:`toposeam.layers.exposure.gains`).
     match_shading: bool = False
     #: Bend the layers by up to this many px until what crosses a seam goes on behind it, and search the seams
     #: again (:mod:`toposeam.layers.composite.local_warp`), where that makes them clearly cheaper. All layers
@@ -110,7 +115,7 @@ class StitchOptions:
     def __post_init__(self) -> None:
         check_function("progress", self.progress)
         check_executor(self.executor)
-        check_give(self.give, self.use_path)
+        self._check_give()
         check_whole("max_rounds", self.max_rounds, 0)
         search_options(self.effort, 0)
         check_core(self.core, self.speck)
@@ -136,6 +141,18 @@ class StitchOptions:
             method = method_for(own.get("method", "auto"), heats=True)
             own["options"] = method_options(method, keywords, own.get("options"))
         return cls(**own)
+
+    def _check_give(self) -> None:
+        """Refuse what is no displacement, and seams that are given, as they are searched again."""
+        paths = self.use_path
+        given = bool(paths) if isinstance(paths, Mapping) else paths is not None
+        if check_whole("give", self.give, 0, MOST_BENT) and given:
+            raise OptionError(
+                "{give} bends layers and searches their seams again, and {other} says where they are; leave "
+                "one of them out",
+                kind="conflict",
+                other=Term("use_path"),
+            )
 
     @property
     def blending(self) -> Blending:

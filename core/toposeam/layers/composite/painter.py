@@ -1,7 +1,7 @@
-"""The picture of a label map, window by window: layers painted where they show, and blended.
+"""Paint the picture of a label map, window by window, with its blend.
 
-Nothing as large as the canvas is held but the label map (:mod:`toposeam.layers.canvas.tile_map`): layers are
-read where they are looked at (:class:`toposeam.Windows`).
+The label map is the only thing in memory that is as large as the canvas
+(:mod:`toposeam.layers.canvas.tile_map`): layers are read where they are painted (:class:`toposeam.Windows`).
 """
 
 from __future__ import annotations
@@ -24,27 +24,27 @@ from toposeam.layers.canvas.layer import Box, Layer
 from toposeam.layers.canvas.painting import paint
 from toposeam.layers.canvas.tile_map import BLOCK, blocks, part_of
 
-#: Over so many columns the end of a canvas that goes round fades into its beginning.
-_JOINT = 64
+#: Width of the strip, px, in which the right end of a round canvas fades into its left end.
+_JOINT_WIDTH = 64
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Painter:
-    """Paints windows of a canvas; a part of it, which other processes are handed, gives the same pixels."""
+    """Paints windows of a canvas. :meth:`part` of it, made for another process, paints the same pixels."""
 
-    #: Flat; of a round one, with some of the other end on both sides.
+    #: A flat canvas; a round one is extended by some of the other end on both sides.
     canvas: Canvas
     #: (H, W) int16 on that canvas.
     labels: Labels
     blending: Blending
-    #: None for a plane of gray.
+    #: The number of channels, None for a plane of gray.
     channels: int | None
-    #: Return what fades between each two layers, on `canvas`.
+    #: Return the label potentials of the seams on `canvas`.
     fadings: Callable[[], Sequence[Fading]]
-    #: Where the picture begins on `canvas`, and its width, px.
+    #: The column of `canvas` at which the picture begins, and its width, px.
     begin: int
     width: int
-    #: Whether the picture's right edge adjoins its left one.
+    #: Whether the picture's right edge adjoins its left edge.
     goes_round: bool = False
 
     @classmethod
@@ -56,12 +56,12 @@ class Painter:
         channels: int | None,
         fadings: Callable[[], Sequence[Fading]],
     ) -> Painter:
-        """Return the painter of a canvas, flat or round, with its label map and the label potentials of its
+        """Make the painter of a canvas, flat or round, with its label map and the label potentials of its
         seams.
         """
         period, begin = canvas.period, 0
         whole = canvas.cut_open()
-        if period is not None and not blending.needs_whole:  # which goes round by itself
+        if period is not None and not blending.needs_whole:  # those handle a round canvas themselves
             whole, begin = canvas.with_both_ends(), canvas.beyond
             labels = turned_map(labels, period, -begin, whole.shape[1])
 
@@ -82,12 +82,12 @@ class Painter:
 
     @property
     def box(self) -> Box:
-        """The picture."""
+        """The box of the picture."""
         return Box(0, 0, self.canvas.shape[0], self.width)
 
     def window(self, box: Box) -> tuple[Image, Image]:
-        """The picture in a box, (h, w[, C]), and its opacity, (h, w), in the layers' dtype; 0 where no layer
-        has pixels. Boxes whose edges are multiples of 1024 px cost the least.
+        """Return the picture in a box, (h, w[, C]), and its opacity, (h, w), both in the layers' dtype; 0
+        where no layer has pixels. Boxes whose edges are multiples of 1024 px are the fastest.
         """
         if self.blending.needs_whole:
             image, alpha = self._whole
@@ -108,8 +108,9 @@ class Painter:
         return image, alpha
 
     def part(self, box: Box) -> Painter:
-        """The same as far as a box is concerned, to be handed to another process; all of it where blending
-        needs all of it.
+        """Return a painter of one box, small enough to be pickled for another process.
+
+        A blend that needs the whole picture returns the painter itself.
         """
         if self.blending.needs_whole:
             return self
@@ -118,7 +119,7 @@ class Painter:
         canvas = self.canvas
         window = Box(top, left, bottom, right).shared(self.box).moved(0, self.begin)
         boxes = [window.grown(self.blending.margin).shared(canvas.box)]
-        if self._is_eased and window.right > self._end - _JOINT:
+        if self._fades_at_end and window.right > self._end - _JOINT_WIDTH:
             boxes.append(boxes[0].moved(0, -self.width).shared(canvas.box))
         fadings: list[Fading] = []
         if self.blending.needs_potential:
@@ -128,7 +129,7 @@ class Painter:
             self,
             canvas=_part_of_canvas(canvas, boxes),
             labels=part_of(self.labels, *boxes),
-            fadings=_Known(fadings),
+            fadings=_KnownFadings(fadings),
         )
 
     def _empty(self, box: Box) -> tuple[Image, Image]:
@@ -140,8 +141,8 @@ class Painter:
         tile = tile.moved(0, self.begin)
         image, alpha = self._hard_cut(tile, onto)
         self._blender.blend(tile, image, alpha)
-        if self._is_eased:
-            self._ease(tile, image)
+        if self._fades_at_end:
+            self._fade_end(tile, image)
         return image, alpha
 
     def _hard_cut(self, box: Box, onto: tuple[Image, Image] | None = None) -> tuple[Image, Image]:
@@ -150,19 +151,22 @@ class Painter:
 
     @property
     def _end(self) -> int:
-        """Where the picture ends on the canvas."""
+        """The column of `canvas` at which the picture ends."""
         return self.begin + self.width
 
     @property
-    def _is_eased(self) -> bool:
-        """Whether the last columns need to be let fade: a grid that begins at the left edge does not fit."""
+    def _fades_at_end(self) -> bool:
+        """Whether the last columns must fade: the blend's grid begins at the left edge and does not fit the
+        width.
+        """
         return self.goes_round and self.blending.grid > 1
 
-    def _ease(self, tile: Box, image: Image) -> None:
-        """Let the last columns of a canvas that goes round fade into what its pyramids, which begin at the
-        left edge, give there: the width need not be a multiple of their coarsest pixels.
+    def _fade_end(self, tile: Box, image: Image) -> None:
+        """Fade the last columns of a round canvas into those beyond its left edge, for pyramids.
+
+        Pyramids begin at the left edge, and the width need not be a multiple of their coarsest pixels.
         """
-        joint, end = min(_JOINT, self.width // 4), self._end
+        joint, end = min(_JOINT_WIDTH, self.width // 4), self._end
         part = Box(tile.top, max(tile.left, end - joint), tile.bottom, tile.right)
         if not all(part.shape):
             return
@@ -193,8 +197,8 @@ class Painter:
 
 
 @dataclass(frozen=True, eq=False)
-class _Known:
-    """Return what is known; it can be pickled."""
+class _KnownFadings:
+    """A function that returns label potentials that are known; unlike a closure it can be pickled."""
 
     fadings: Sequence[Fading]
 
@@ -203,18 +207,18 @@ class _Known:
 
 
 class _Blank(Windows):
-    """Pixels of layers that lie elsewhere, which are not looked at."""
+    """Zeros in place of the pixels of a layer that lies elsewhere."""
 
     def read(self, rows: slice, columns: slice) -> Image:
-        """Zeros."""
+        """Return zeros."""
         size = len(range(*rows.indices(self.shape[0]))), len(range(*columns.indices(self.shape[1])))
         return np.zeros((*size, *self.shape[2:]), self.dtype)
 
 
 def _part_of_canvas(canvas: Canvas, boxes: Sequence[Box]) -> Canvas:
-    """A canvas as far as some boxes are concerned.
+    """Return a canvas with the layers that lie on some boxes; all others become blanks.
 
-    Of a thousand layers nearly all are elsewhere: one thing that is pickled once stands for them.
+    Of a thousand layers nearly all lie elsewhere: they share one blank, which is pickled once.
     """
     layers, covers, places = [], [], []
     nowhere, nothing = Box(0, 0, 0, 0), np.zeros((0, 0), bool)

@@ -1,4 +1,4 @@
-"""A composition made anew: along paths that were bent, and round strokes that say which layer shows."""
+"""Make a composition again, along paths that were bent and round strokes that say which layer shows."""
 
 from __future__ import annotations
 
@@ -23,16 +23,17 @@ from toposeam.layers.composite.options import StitchOptions
 from toposeam.layers.composite.seams import Seams, SeamsOfMap
 from toposeam.layers.composite.summary import pair_name
 from toposeam.layers.composite.two_layers import paths_by_pair
-from toposeam.layers.labelling.problem import Pair
+from toposeam.layers.labelling.label_map import Pair
 from toposeam.seam.problem.match_cost import MatchCost
 from toposeam.seam.problem.overlap import FREE, NONE, A, B
 from toposeam.seam.result.apply import labels_from_paths
 from toposeam.vector.svg import SvgSeam
 
-#: Round strokes a window is searched again that reaches this many px beyond them, or as far again as they do.
+#: The window that is searched again round strokes reaches beyond them by their own size, and at least by this
+#: many px.
 _LEAST_MARGIN = 160
-#: At the window's border this many px stay as they are.
-_RING = 2
+#: Width of the rim of the window, px, that keeps its labels, so that seams join those outside.
+_FIXED_RIM = 2
 
 
 def restitch(
@@ -46,22 +47,22 @@ def restitch(
     blend_width: float | None = None,
     max_megapixels: float = MAX_MEGAPIXELS,
 ) -> Composition:
-    """Apply changed paths, and strokes, to layers that were stitched.
+    """Apply changed paths and strokes to layers that were stitched before.
 
-    Each pair with a path divides anew what its two layers show together, of two layers everything both cover.
-    Then, where strokes ask for layers that do not show there yet, a window round these is searched again. All
-    else stays as the masks say.
+    Each path divides the pixels that its two layers show, or, if there are only two layers, all pixels that
+    both cover. Then, if strokes ask for layers that do not show there yet, a window round those pixels is
+    searched again. All other pixels show what the masks say.
 
     Parameters
     ----------
     layers : sequence of Layer
-        As they were stitched.
+        The layers as they were stitched.
     masks : sequence of (H, W) array_like
-        Where each layer shows on the canvas, as :attr:`Composition.masks`.
+        One mask per layer on the canvas, True where it shows, as :attr:`Composition.masks`.
     paths : mapping of (int, int) to SvgSeam
         The changed seams by pair of layers, on the canvas, applied in this order.
     fixed : (H, W) int array, optional
-        The number of the layer that must show, -1 where any may; left out where that layer has no pixels.
+        The number of the layer that must show, -1 where any may; ignored where that layer has no pixels.
     cost : MatchCost, optional
         As for :func:`toposeam.stitch`.
     blend, blend_width
@@ -108,7 +109,7 @@ def restitch(
     search = SeamSearch.of(options, len(layers))
     seams: Seams
     if len(layers) == 2 and drawings:
-        found, seams = find_label_map(_with_kernel(canvas, drawings[0, 1]), search, drawings)
+        found, seams = find_label_map(_with_kept_pixel(canvas, drawings[0, 1]), search, drawings)
     else:
         found = label_map_of_masks(canvas, shown)
         for pair, drawing in drawings.items():
@@ -127,7 +128,7 @@ def restitch(
 
 
 def _where_possible(canvas: Canvas, wanted: Labels) -> Labels:
-    """(H, W): the layers that strokes ask for, -1 where these have no pixels."""
+    """Return the (H, W) map of layers that strokes ask for, -1 where such a layer has no pixels."""
     result = np.full(canvas.shape, -1, np.int16)
     for index, (place, cover) in enumerate(zip(canvas.places, canvas.covers, strict=True)):
         here = result[place.slices]
@@ -136,7 +137,9 @@ def _where_possible(canvas: Canvas, wanted: Labels) -> Labels:
 
 
 def _window_round(wrong: Mask) -> Mask:
-    """(H, W) bool: what is searched again round pixels that do not show what they should, and these."""
+    """Return the (H, W) bool mask to be searched again: pixels that show a wrong layer, and a window round
+    them.
+    """
     opened = wrong.copy()
     if not wrong.any():
         return opened
@@ -144,14 +147,14 @@ def _window_round(wrong: Mask) -> Mask:
     tight = Box(int(rows[0]), int(columns[0]), int(rows[-1]) + 1, int(columns[-1]) + 1)
     canvas = Box(0, 0, *wrong.shape)
     box = tight.grown(max(_LEAST_MARGIN, *tight.shape)).shared(canvas)
-    steps = zip(box, canvas, (_RING, _RING, -_RING, -_RING), strict=True)
+    steps = zip(box, canvas, (_FIXED_RIM, _FIXED_RIM, -_FIXED_RIM, -_FIXED_RIM), strict=True)
     inner = Box(*(edge if edge == end else edge + step for edge, end, step in steps))
     opened[inner.slices] = True
     return opened
 
 
 def _divide(canvas: Canvas, labels: Labels, pair: Pair, drawing: SvgSeam) -> None:
-    """Divide what a pair shows along a path, in place."""
+    """Divide the pixels that a pair of layers shows along a path, in place."""
     height, width = canvas.shape
     if (drawing.width, drawing.height) != (width, height):
         raise PathError(
@@ -166,7 +169,7 @@ def _divide(canvas: Canvas, labels: Labels, pair: Pair, drawing: SvgSeam) -> Non
     box = canvas.places[pair[0]].around(canvas.places[pair[1]]).shared(canvas.box)
     shown = labels[box.slices]
     covers = [cut(canvas.covers[k], canvas.places[k], box) & np.isin(shown, pair) for k in pair]
-    shared, side = _sides(*covers)
+    shared, side = _overlap_sides(*covers)
     if not shared.any():
         return
     shift = np.array([box.left, box.top], float)
@@ -180,20 +183,24 @@ def _divide(canvas: Canvas, labels: Labels, pair: Pair, drawing: SvgSeam) -> Non
     labels[box.slices] = np.where(shared, np.where(second_shows, other, one), shown)
 
 
-def _sides(first: Mask, second: Mask) -> tuple[Mask, Bytes]:
-    """Where two layers both have pixels, and whose ground the others are, as a seam problem has it."""
+def _overlap_sides(first: Mask, second: Mask) -> tuple[Mask, Bytes]:
+    """Return the (H, W) bool mask where both layers have pixels, and the (H, W) uint8 sides of a seam
+    problem.
+    """
     shared = first & second
     return shared, np.select([shared, first, second], [FREE, A, B], NONE).astype(np.uint8)
 
 
-def _with_kernel(canvas: Canvas, drawing: SvgSeam) -> Canvas:
-    """Two layers, of which one that lies wholly inside the other must show at the innermost pixel of what a
-    closed path gives it; what else of it must show, the path alone decides.
+def _with_kept_pixel(canvas: Canvas, drawing: SvgSeam) -> Canvas:
+    """Keep the innermost pixel that a closed path gives to a layer that lies wholly inside the other one.
+
+    Without such a kept pixel the inner layer would have to show its core; so the path alone decides what it
+    shows.
     """
     covers = [
         cut(cover, place, canvas.box) for cover, place in zip(canvas.covers, canvas.places, strict=True)
     ]
-    shared, side = _sides(*covers)
+    shared, side = _overlap_sides(*covers)
     alone = [bool((side == A).any()), bool((side == B).any())]
     if all(alone) or not shared.any() or (drawing.width, drawing.height) != canvas.shape[::-1]:
         return canvas

@@ -1,4 +1,4 @@
-"""The seams of a composition: known, or made of a label map when they are asked for."""
+"""The seams of a composition: known, or computed from a label map on demand."""
 
 from __future__ import annotations
 
@@ -14,23 +14,25 @@ from toposeam.images import box_of
 from toposeam.layers.canvas.layer import Box
 from toposeam.layers.canvas.tile_map import BLOCK, dense, part_of, several
 from toposeam.layers.execution.tasks import Executor, results
-from toposeam.layers.labelling.label_map import LabelMap
-from toposeam.layers.labelling.problem import Labelling, Pair, PairCost
+from toposeam.layers.labelling.label_map import LabelMap, Pair
+from toposeam.layers.labelling.problem import Labelling, PairCost
 from toposeam.layers.search.two_label_band import costs_at
 from toposeam.optimize.history import Termination
 from toposeam.seam.problem.seam_problem import blocked
 from toposeam.seam.result.seam import Seam
 from toposeam.seam.result.verdict import Verdict, verdict_of
 
-#: The problem of a seam in an overlap of more pixels than this is posed round the seam, with a margin of px.
-_LARGE_OVERLAP, _MARGIN = 1 << 20, 8
-#: The interfaces that begin in a block which goes on by a pixel: their direction and their two pixels.
+#: In an overlap of more pixels than _LARGE_OVERLAP, the problem of a seam is posed only on the box of the
+#: seam, grown by _SEAM_MARGIN px: the whole one would take too much memory.
+_LARGE_OVERLAP, _SEAM_MARGIN = 1 << 20, 8
+#: The interfaces to the right and below that begin in a block, which is read with one more row and column:
+#: their axis, and the slices of their two pixels.
 _INTERFACES: Any = (1, np.s_[:BLOCK, :-1], np.s_[:BLOCK, 1:]), (0, np.s_[:-1, :BLOCK], np.s_[1:, :BLOCK])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Between:
-    """Two layers, their cost, and what shows where both have pixels."""
+class _SeamOnOverlap:
+    """Two layers, their match cost, and the labels on their overlap."""
 
     pair: Pair
     cost: PairCost
@@ -38,20 +40,22 @@ class _Between:
     labels: Labels
 
 
-def _measured(between: _Between) -> tuple[int, float, Verdict]:
-    """How many interfaces of a seam cost something, what all do, and what that says to eyes."""
+def _measured(on_overlap: _SeamOnOverlap) -> tuple[int, float, Verdict]:
+    """Count the interfaces of a seam that cost something; return that length, their total cost, and the
+    verdict.
+    """
     found = [(np.zeros(0, np.intp), np.zeros(0, np.intp))]
-    canvas = between.canvas
-    for block in several(between.labels, between.cost.box.shared(canvas), side=BLOCK):
-        labels = between.labels[block.slices]
-        first, second = (labels == k for k in between.pair)
+    canvas = on_overlap.canvas
+    for block in several(on_overlap.labels, on_overlap.cost.box.shared(canvas), side=BLOCK):
+        labels = on_overlap.labels[block.slices]
+        first, second = (labels == k for k in on_overlap.pair)
         for axis, s, t in _INTERFACES:
             border = (first[s] & second[t]) | (second[s] & first[t])
             rows, columns = np.divmod(np.flatnonzero(border), max(1, border.shape[1]))
             at = (rows + block.top) * canvas.shape[1] + columns + block.left
             found.append((at, np.full(len(at), axis)))
     first_pixel, along = (np.concatenate(part) for part in zip(*found, strict=True))
-    costs = costs_at(between.cost, canvas, first_pixel, along)
+    costs = costs_at(on_overlap.cost, canvas, first_pixel, along)
     dear = costs > 0
     y, x = np.divmod(first_pixel[dear], canvas.shape[1])
     return len(x), float(costs.sum()), verdict_of(costs[dear], x, y)
@@ -59,12 +63,12 @@ def _measured(between: _Between) -> tuple[int, float, Verdict]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SeamFigures:
-    """A seam in figures, which take less than making it."""
+    """Length, cost and verdict of a seam, which are computed without making the seam."""
 
-    #: px.
+    #: The number of interfaces that cost something, px.
     length: float
     cost: float
-    #: None unless the match cost is that of the law "natural".
+    #: The verdict; None unless the match cost follows the law "natural".
     verdict: Verdict | None
 
 
@@ -73,47 +77,47 @@ class Seams(Protocol):
 
     @property
     def pairs(self) -> Sequence[Pair]:
-        """Which two layers each divides, by number."""
+        """The pair of layers that each seam divides, by number."""
         ...
 
     @property
     def labelling(self) -> Labelling:
-        """The problem of choosing a layer at every pixel, of which these are the seams."""
+        """The labelling problem whose solution has these seams."""
         ...
 
     def seam(self, pair: Pair, beside: bool = False) -> Seam:
-        """The seam between two layers; with costs only `beside` it, where that is enough."""
+        """Return the seam between two layers; with `beside`, costs are needed only beside it."""
         ...
 
     def figures(self, executor: Executor | None = None) -> Mapping[Pair, SeamFigures]:
-        """All seams in figures, each by itself where an executor does so."""
+        """Compute length, cost and verdict of all seams, one seam a task of the executor."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class KnownSeams:
-    """Seams that are known."""
+    """Seams that were found one by one, as those of two layers are."""
 
     known: Mapping[Pair, Seam]
-    #: Poses the problem of all layers.
+    #: Poses the labelling problem of all layers.
     pose: Callable[[], Labelling]
 
     @cached_property
     def labelling(self) -> Labelling:
-        """The problem of choosing a layer at every pixel."""
+        """The labelling problem whose solution has these seams."""
         return self.pose()
 
     @property
     def pairs(self) -> Sequence[Pair]:
-        """Which two layers each divides."""
+        """The pair of layers that each seam divides, by number."""
         return tuple(self.known)
 
     def seam(self, pair: Pair, beside: bool = False) -> Seam:
-        """The seam between two layers."""
+        """Return the seam between two layers."""
         return self.known[pair]
 
     def figures(self, executor: Executor | None = None) -> Mapping[Pair, SeamFigures]:
-        """All seams in figures."""
+        """Return length, cost and verdict of all seams."""
         return {
             pair: SeamFigures(length=seam.length, cost=seam.cost, verdict=seam.verdict)
             for pair, seam in self.known.items()
@@ -122,13 +126,13 @@ class KnownSeams:
 
 @dataclass(frozen=True, eq=False)
 class SeamsOfMap:
-    """The seams of a label map, each made when it is asked for."""
+    """The seams of a label map, each computed on demand."""
 
     labelling: Labelling
     label_map: LabelMap
-    #: Pairs whose seam was not searched.
+    #: Pairs whose seam was given, not searched.
     given: Collection[Pair] = ()
-    #: Recorded with every seam.
+    #: Settings that are recorded with every seam.
     common: Mapping[str, Any] = field(default_factory=dict)
     _figures: dict[Pair, SeamFigures] = field(default_factory=dict)
 
@@ -139,13 +143,13 @@ class SeamsOfMap:
         return tuple(pair for pair in adjoining if pair in self.labelling.costs)
 
     def seam(self, pair: Pair, beside: bool = False) -> Seam:
-        """The seam between two layers of :attr:`pairs`.
+        """Compute the seam between two layers of :attr:`pairs`.
 
         Parameters
         ----------
         pair : (int, int)
         beside : bool
-            Whether costs are wanted beside the seam only.
+            Whether costs are needed only beside the seam.
         """
         label_map = self.label_map
         labels = label_map.labels
@@ -179,9 +183,9 @@ class SeamsOfMap:
             raise blocked()
 
     def figures(self, executor: Executor | None = None) -> Mapping[Pair, SeamFigures]:
-        """All seams in figures, without making them."""
+        """Compute length, cost and verdict of all seams, without making the seams."""
         if not self._figures:
-            items = (self._between(pair, executor is not None) for pair in self.pairs)
+            items = (self._on_overlap(pair, executor is not None) for pair in self.pairs)
             judged = self.common.get("law") == "natural"
             for pair, (length, cost, verdict) in zip(
                 self.pairs, results(executor, _measured, items), strict=True
@@ -191,15 +195,15 @@ class SeamsOfMap:
                 )
         return self._figures
 
-    def _between(self, pair: Pair, apart: bool) -> _Between:
-        """What is measured of a seam, here or `apart` from what it is part of."""
+    def _on_overlap(self, pair: Pair, apart: bool) -> _SeamOnOverlap:
+        """Collect what :func:`_measured` needs of a pair; with `apart`, cut out for another process."""
         cost, labels = self.labelling.costs[pair], self.label_map.labels
         if apart:
             cost, labels = cost.part(cost.box, {}), part_of(labels, cost.box)
-        return _Between(pair, cost, self.labelling.canvas, labels)
+        return _SeamOnOverlap(pair, cost, self.labelling.canvas, labels)
 
     def _seam_box(self, pair: Pair) -> Box | None:
-        """On large overlaps, the box of the seam and some pixels around it."""
+        """Return the box of a seam and a margin on a large overlap; None if the whole overlap is used."""
         cost = self.labelling.costs.get(pair)
         if cost is None or cost.box.shape[0] * cost.box.shape[1] <= _LARGE_OVERLAP:
             return None
@@ -212,4 +216,4 @@ class SeamsOfMap:
         if not beside.any():
             return None
         rows, columns = box_of(beside)
-        return Box(rows.start, columns.start, rows.stop, columns.stop).moved(*inside[:2]).grown(_MARGIN)
+        return Box(rows.start, columns.start, rows.stop, columns.stop).moved(*inside[:2]).grown(_SEAM_MARGIN)

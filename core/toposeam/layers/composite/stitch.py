@@ -1,4 +1,4 @@
-"""Layers in, one picture out, with its seams: the plan of a stitch."""
+"""Stitch layers into one picture with its seams."""
 
 from __future__ import annotations
 
@@ -30,18 +30,19 @@ from toposeam.layers.labelling.posing import pose_labelling
 def stitch(layers: Sequence[Layer] | Sequence[npt.NDArray[Any]], **keywords: Any) -> Composition:
     """Join placed layers.
 
-    Two are joined along one seam. More are laid on top of each other in several orders of their places; from
-    each of these starts, moves let one layer after another show more of itself, until the total cost falls no
-    longer, and the best of each end is taken (:mod:`toposeam.layers.search.local_search`).
-    What shows where, and at what cost, is defined in :mod:`toposeam.layers.labelling.problem`.
+    Two layers are joined along one seam. More are stacked in several orders of their places; from each of
+    these starts, expansion moves let one layer after another show at more pixels until the total cost no
+    longer falls, and the cheapest parts of the results are combined
+    (:mod:`toposeam.layers.search.local_search`). The labelling problem and its cost are defined in
+    :mod:`toposeam.layers.labelling.problem`.
 
     Parameters
     ----------
     layers : sequence of Layer, or list of (H, W) or (H, W, C) arrays
         At least two, of one dtype; gray layers are widened to the others' channels. Their images may be
-        :class:`toposeam.Windows`: the picture is made when it is looked at, whole or by windows. Of arrays
-        the places are found first, by :func:`toposeam.find_places`; those that fit none of the others are
-        left out with a warning.
+        :class:`toposeam.Windows`: the picture is computed when it is read, whole or by windows. The places
+        of plain arrays are found first, by :func:`toposeam.find_places`; arrays that match none of the
+        others are left out with a warning.
     **keywords
         The fields of :class:`toposeam.layers.StitchOptions`, and those of the options of its method.
 
@@ -98,7 +99,7 @@ def _joined(layers: Sequence[Layer], options: StitchOptions) -> Composition:
 
 
 def _half(options: StitchOptions, start: float) -> Callable[[float], None] | None:
-    """Report the progress of half of the work, which begins at a share of it."""
+    """Report progress of one half of the work, which begins at the fraction `start`."""
     progress = options.progress
     return None if progress is None else lambda share: progress(start + share / 2)
 
@@ -106,7 +107,7 @@ def _half(options: StitchOptions, start: float) -> Callable[[float], None] | Non
 def _with_places(
     layers: Sequence[Layer] | Sequence[npt.NDArray[Any]], options: StitchOptions
 ) -> tuple[Sequence[Layer], StitchOptions]:
-    """Find the places of images that are given without any, and the canvas's width if it goes round."""
+    """Find the places of plain arrays, and the canvas's width if it goes round."""
     images = as_layers(layers)
     if (
         isinstance(images, tuple)
@@ -132,15 +133,15 @@ def composed_of_masks(
     blend_width: float | None = None,
     wrap: int | None = None,
 ) -> Composition:
-    """Return the composition of which it is known where each layer shows.
+    """Compose layers whose masks are given, without searching for seams.
 
     Parameters
     ----------
     layers : sequence of Layer
         At least one.
     masks : sequence of (H, W) array_like, or None
-        Where each layer shows, on a canvas that begins at 0,0; later ones win, and None shows every layer
-        wherever it has pixels. What no mask gives to anybody is the first layer's that has pixels there.
+        True where each layer shows, on a canvas that begins at 0,0; later masks win, and None shows every
+        layer wherever it has pixels. A pixel that no mask claims shows the first layer that has pixels there.
     shape : (int, int)
         Height and width of the canvas, px.
     blend, blend_width, wrap

@@ -1,24 +1,24 @@
-"""A composition in numbers, for programs: one schema, however many pictures, however large.
+"""A composition in numbers, for programs: one schema, whatever the number and size of the pictures.
 
 ``schema`` is 1. It changes when a key goes or means something else; keys may be added. Sizes and places are
-in px; what is not known is None.
+in px; None stands for what is not known.
 
 =================  =======================================================================================
 ``schema``         1
 ``size``           width and height of the picture
-``crop``           left, top, width and height of what the picture shows of the canvas; None for all of it
+``crop``           left, top, width and height of the box of the canvas that is shown; None for all of it
 ``cost``           Σ M over all seams
 ``rounds``         rounds of expansions, 0 for two pictures
-``bent_px``        the farthest by which pictures were bent to meet, 0 where none was
+``bent_px``        the largest displacement by which pictures were bent to meet, 0 if none was
 ``likeness``       of the seam most likely to be seen, as that of each seam
 ``worst_likeness`` the same
 ``look_at``        the same
-``layers``         of each picture name, at (x, y), shown_px, and where that was sought moved (x, y),
+``layers``         of each picture name, at (x, y), shown_px, and if its place was searched moved (x, y),
                    correlation, turn (degrees) and scale
 ``seams``          of each seam between (two names), method, cost, optimum (the least possible cost), ratio
                    (of both), bound (proven, 0 for nothing), stages, iterations, termination, paths (their
                    number), length_px, seconds, likeness and worst_likeness (in [0, 1], the mean and that of
-                   the worst tenth) and look_at (x, y of the picture, None where nothing is likely to be seen)
+                   the worst tenth) and look_at (x, y in the picture, None if nothing is likely to be seen)
 ``placement``      how places were found
 =================  =======================================================================================
 """
@@ -31,7 +31,7 @@ from typing import Any, Protocol
 
 from toposeam.layers.canvas.canvas import Canvas
 from toposeam.layers.canvas.layer import Box, Layer
-from toposeam.layers.labelling.problem import Pair
+from toposeam.layers.labelling.label_map import Pair
 from toposeam.optimize.history import Termination
 from toposeam.seam.result.seam import Seam
 from toposeam.seam.result.verdict import Verdict
@@ -39,14 +39,14 @@ from toposeam.vector.polyline import Polyline
 from toposeam.vector.svg import write_svg
 
 SCHEMA = 1
-#: What a summary says of the places of a layer where these were sought.
-_SOUGHT = ("moved", "correlation", "turn", "scale")
-_UNJUDGED: dict[str, Any] = {"likeness": None, "worst_likeness": None, "look_at": None}
+#: Keys of a layer that are filled in if its place was searched.
+_PLACEMENT_KEYS = ("moved", "correlation", "turn", "scale")
+_NO_VERDICT: dict[str, Any] = {"likeness": None, "worst_likeness": None, "look_at": None}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SeamOutline:
-    """A seam without the problem that it solves: what it looks like and how it was found."""
+    """The paths and figures of a seam, without the problem that it solves."""
 
     pair: Pair
     paths: tuple[Polyline, ...]
@@ -62,7 +62,7 @@ class SeamOutline:
 
     @classmethod
     def of(cls, pair: Pair, seam: Seam) -> SeamOutline:
-        """Take from the seam of a pair what is not its problem."""
+        """Copy everything but the problem from the seam of a pair."""
         return cls(
             pair=pair,
             paths=tuple(seam.paths),
@@ -79,36 +79,36 @@ class SeamOutline:
 
     @property
     def length(self) -> float:
-        """Length of all its lines, px."""
+        """Total length of the paths, px."""
         return sum(line.length for line in self.paths)
 
 
 class Summarised(Protocol):
-    """What a summary is of: a :class:`toposeam.layers.Composition`."""
+    """The parts of a :class:`toposeam.layers.Composition` that a summary reads."""
 
     @property
     def bent(self) -> float:
-        """The farthest by which layers were bent, px."""
+        """The largest displacement by which layers were bent, px."""
 
     @property
     def canvas(self) -> Canvas:
-        """Layers and where they lie."""
+        """The layers in their places."""
 
     @property
     def layers(self) -> Sequence[Layer]:
-        """The layers as they show."""
+        """The layers, with their tones matched."""
 
     @property
     def view(self) -> Box:
-        """What of the canvas the picture shows."""
+        """The box of the canvas that the picture shows."""
 
     @property
     def shown(self) -> Sequence[int]:
-        """How many pixels of the picture each layer shows."""
+        """The number of pixels of the picture that show each layer."""
 
     @property
     def rounds(self) -> int:
-        """Rounds of expansions."""
+        """The number of rounds of expansions."""
 
     @property
     def outlines(self) -> Sequence[SeamOutline]:
@@ -120,7 +120,7 @@ class Summarised(Protocol):
 
 
 def summary_of(composition: Summarised, *, optima: bool) -> dict[str, Any]:
-    """Return a composition in numbers, as the table above has them."""
+    """Summarise a composition, with the keys of the table above."""
     names, view = composition.canvas.names, composition.view
     crop = None
     if view != composition.canvas.box:
@@ -144,13 +144,13 @@ def summary_of(composition: Summarised, *, optima: bool) -> dict[str, Any]:
                 "paths": len(seam.paths),
                 "length_px": round(seam.length),
                 "seconds": round(seam.seconds, 6),
-                **(_UNJUDGED if verdict is None else verdict.summary()),
+                **(_NO_VERDICT if verdict is None else verdict.summary()),
             }
         )
     known = [verdict for verdict in verdicts if verdict is not None]
     worst = min(known, key=lambda verdict: verdict.worst) if known else None
     layers = [
-        {"name": layer.name, "at": list(layer.at), "shown_px": shown, **dict.fromkeys(_SOUGHT)}
+        {"name": layer.name, "at": list(layer.at), "shown_px": shown, **dict.fromkeys(_PLACEMENT_KEYS)}
         for layer, shown in zip(composition.layers, composition.shown, strict=True)
     ]
     height, width = view.shape
@@ -161,7 +161,7 @@ def summary_of(composition: Summarised, *, optima: bool) -> dict[str, Any]:
         "cost": sum(seam["cost"] for seam in found),
         "rounds": composition.rounds,
         "bent_px": composition.bent,
-        **(_UNJUDGED if worst is None else worst.summary()),
+        **(_NO_VERDICT if worst is None else worst.summary()),
         "layers": layers,
         "seams": found,
         "placement": None,
@@ -169,7 +169,7 @@ def summary_of(composition: Summarised, *, optima: bool) -> dict[str, Any]:
 
 
 def pair_name(first: str, second: str) -> str:
-    """What the paths between two layers are called in SVG.
+    """Return the name that the paths between two layers have in SVG.
 
     Examples
     --------
@@ -181,7 +181,7 @@ def pair_name(first: str, second: str) -> str:
 
 
 def seams_svg(seams: Sequence[SeamOutline], names: Sequence[str], shape: tuple[int, int], rounds: int) -> str:
-    """The seams between layers as one SVG document of the canvas's height and width."""
+    """Return the seams between layers as one SVG document of the canvas's height and width."""
     lines = [
         (line, pair_name(names[i], names[j])) for seam in seams for i, j in [seam.pair] for line in seam.paths
     ]

@@ -1,4 +1,4 @@
-"""Two layers joined along one seam that is searched or given, and in which order more are joined."""
+"""Join two layers along one seam that is searched or given; order more layers for joining one by one."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from toposeam.layers.canvas.canvas import Canvas
 from toposeam.layers.canvas.layer import Box, cut
 from toposeam.layers.canvas.painting import channel_count, paint
 from toposeam.layers.canvas.tile_map import blocks, dense, new_map
+from toposeam.layers.labelling.label_map import Pair
 from toposeam.layers.labelling.posing import meets
-from toposeam.layers.labelling.problem import Pair
 from toposeam.seam.find import find_seam
 from toposeam.seam.problem.natural import CELL
 from toposeam.seam.result.seam import Seam, apply_paths
 from toposeam.vector.svg import SvgSeam
 
-#: Options that are arrays on the canvas.
-_MAPS = ("weight", "avoid")
+#: Options that are arrays on the canvas, of which the box of the overlap is cut out.
+_ARRAY_OPTIONS = ("weight", "avoid")
 
 
 def join(
@@ -38,9 +38,10 @@ def join(
     ----------
     two : Canvas
     common : mapping
-        Options of :func:`toposeam.find_seam` that drawn seams have, too; `weight` and `avoid` on the canvas.
+        Options of :func:`toposeam.find_seam` that also apply to a drawn seam; `weight` and `avoid` on the
+        canvas.
     settings : mapping
-        Its other options.
+        The other options of :func:`toposeam.find_seam`.
     drawing : SvgSeam, optional
         On the canvas.
 
@@ -52,8 +53,8 @@ def join(
         The label map.
     """
     canvas, (place_a, place_b) = two.box, two.places
-    # All that matters lies where both are, and two pixels around: gradients and grounds end there. What
-    # is a speck is counted there too, so that a drawn seam is applied to the box it was found in.
+    # The problem depends on the common box and two pixels around it, as far as gradients reach. Specks are
+    # measured in this box too, so a drawn seam must be applied to the box in which it was found.
     box = place_b.shared(place_a).grown(2)
     # Cells of the match cost begin at even pixels of the canvas.
     box = Box(box.top - box.top % CELL, box.left - box.left % CELL, *box[2:]).shared(canvas)
@@ -62,14 +63,14 @@ def join(
     if drawing is not None and (drawing.height, drawing.width) == two.shape:
         drawing = _on_box(drawing, box)
     elif drawing is not None:
-        box = canvas  # where the drawing is refused
+        box = canvas  # on which the drawing is refused
     cover_a, cover_b = (cut(cover, at, box) for cover, at in zip(two.covers, two.places, strict=True))
     channels = channel_count(two.layers)
     first, second = (
         paint([one], [at], np.where(cover, np.int16(0), np.int16(-1)), box, channels)[0]
         for one, at, cover in zip(two.layers, two.places, (cover_a, cover_b), strict=True)
     )
-    maps = {name: cut(common[name], canvas, box) for name in _MAPS if common.get(name) is not None}
+    maps = {name: cut(common[name], canvas, box) for name in _ARRAY_OPTIONS if common.get(name) is not None}
     here = {**common, **maps}
     try:
         if drawing is not None:
@@ -103,7 +104,7 @@ def _shown(two: Canvas, seam: Seam, box: Box) -> Labels:
 
 
 def _on_box(drawing: SvgSeam, box: Box) -> SvgSeam:
-    """A drawing on the canvas as one on a box of it."""
+    """Convert a drawing on the canvas to one on a box of it."""
     corner = np.array([box.left, box.top], float)
     lines = tuple(dataclasses.replace(line, points=line.points - corner) for line in drawing.polylines)
     return dataclasses.replace(drawing, polylines=lines, height=box.shape[0], width=box.shape[1])
@@ -122,7 +123,10 @@ def moved_seam(seam: Seam, box: Box, shape: tuple[int, int], label_map: Labels, 
 def paths_by_pair(
     given: SvgSeam | Mapping[Pair, SvgSeam] | None, count: int, name: str = "use_path"
 ) -> dict[Pair, SvgSeam]:
-    """The given seams by pair, the lower number first; `name` is the caller's word for them."""
+    """Return the given seams by pair, the lower number first.
+
+    `name` is the parameter that errors name.
+    """
     if given is None:
         return {}
     if isinstance(given, SvgSeam):
@@ -156,7 +160,7 @@ def paths_by_pair(
 
 
 def divided(canvas: Canvas, pair: Pair, drawing: SvgSeam, common: Mapping[str, Any]) -> Mask:
-    """Find where a given seam shows the second layer of its pair, (H, W) bool on the canvas."""
+    """Apply a given seam; return the (H, W) bool mask of the canvas where it shows the second layer."""
     first, second = (canvas.layers[index] for index in pair)
     try:
         return join(canvas.of_layers(pair), common, {}, drawing)[0].labels
@@ -167,7 +171,7 @@ def divided(canvas: Canvas, pair: Pair, drawing: SvgSeam, common: Mapping[str, A
 
 
 def order_of(canvas: Canvas) -> list[int]:
-    """The layers in their order, each that overlaps none before it waiting until one does.
+    """Order the layers so that each overlaps one before it; otherwise their order is kept.
 
     Raises
     ------

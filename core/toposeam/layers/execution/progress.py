@@ -1,4 +1,4 @@
-"""How far a search has come of which nobody knows the end."""
+"""Progress of work whose number of steps is not known in advance."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ Progress = Callable[[float], None]
 
 
 class Progressed:
-    """Reports progress of which nobody knows the end: each step does a tenth of what is left."""
+    """Reports progress of an unknown number of steps: each step covers a tenth of what is left."""
 
     def __init__(self, progress: Progress | None) -> None:
         self._progress, self._left = progress, 1.0
 
     def one(self) -> None:
-        """One more step is done."""
+        """Report that one more step is done."""
         self._left *= 0.9
         if self._progress is not None:
             self._progress(0.95 * (1 - self._left))

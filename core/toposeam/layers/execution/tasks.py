@@ -1,9 +1,8 @@
-"""Independent parts of the work, here or elsewhere.
+"""Run independent tasks in this process or by an executor.
 
-What does not depend on each other is a function and a list of items, each of which says all that its part
-needs: pictures as what reads them (:class:`toposeam.Windows`), maps of the canvas cut to where they matter.
-Results come in the order of the items, wherever they were computed, so that nothing depends on how many
-workers there are.
+Tasks are a function and a list of items. An item holds everything that its task needs: pictures as readers
+(:class:`toposeam.Windows`), and maps of the canvas cut to where they are used. Results come in the order of
+the items, wherever they were computed, so that nothing depends on the number of workers.
 """
 
 from __future__ import annotations
@@ -19,30 +18,30 @@ Result = TypeVar("Result")
 
 
 class Executor(Protocol):
-    """What does independent parts of the work: :class:`concurrent.futures.Executor` is one."""
+    """Runs independent tasks: a :class:`concurrent.futures.Executor`, for example."""
 
     def map(self, function: Callable[[Any], Any], items: Iterable[Any], /) -> Iterable[Any]:
-        """The results of a function of each item, in their order; both can be pickled."""
+        """Return the results of a function of each item, in their order; both can be pickled."""
         ...
 
 
 @runtime_checkable
 class Streaming(Protocol):
-    """An executor that tells results when they come, and asks for items when it can begin them."""
+    """An executor that yields results as they come, and asks for items as soon as it can begin them."""
 
     def stream(
         self, function: Callable[[Any], Any], ready: Callable[[], tuple[int, Any] | None], /
     ) -> Iterator[tuple[int, Any]]:
-        """The results of a function of items, each with its number.
+        """Yield the results of a function of items, each with the item's number.
 
-        `ready` gives the next item that can begin, None while there is none; when there is none and nothing
-        is being done, all is.
+        `ready` returns the next item that can begin, None if there is none at the moment. All work is done
+        when there is none and no task is running.
         """
         ...
 
 
 def check_executor(executor: Any) -> None:
-    """Refuse what does no work.
+    """Refuse a value that is not an executor.
 
     Raises
     ------
@@ -62,7 +61,7 @@ def check_executor(executor: Any) -> None:
 def results(
     executor: Executor | None, function: Callable[[Item], Result], items: Iterable[Item]
 ) -> Iterable[Result]:
-    """A function of each item, in their order; in this process, one when it is asked for, without executor.
+    """Map a function over items, in their order; without an executor in this process, lazily.
 
     Examples
     --------
@@ -73,7 +72,7 @@ def results(
 
 
 def in_bundles(items: Sequence[Item], size: int) -> list[Sequence[Item]]:
-    """Items that take so little that so many are handed on at once.
+    """Group small items into lists of `size`, each of which is one task.
 
     Examples
     --------
@@ -89,17 +88,17 @@ def in_turn(
     item: Callable[[int], Item],
     needs: Sequence[Collection[int]],
 ) -> Iterator[tuple[int, Result]]:
-    """A function of items that can be made only when the results of some earlier ones are known: each
-    result, with its number, when it comes.
+    """Run tasks of which each can be made only from the results of some earlier ones; yield results with
+    their numbers as they come.
 
     Parameters
     ----------
     executor : Executor, optional
     function : callable
     item : callable
-        Makes the item of a number; called when whoever asked for the results it needs has taken them.
+        Makes the item of a number; called when the caller has consumed the results that it needs.
     needs : sequence of collections of int
-        Of each item, the earlier ones.
+        For each item, the numbers of the earlier items whose results it needs.
 
     Examples
     --------
@@ -135,8 +134,7 @@ def in_turn(
 
 
 def touching(boxes: Sequence[Box]) -> list[list[int]]:
-    """Of work on boxes of one map, done in their order, which earlier ones each must wait for: those that it
-    has a pixel in common with.
+    """For each box, list the earlier boxes that share a pixel with it, whose work it must wait for.
 
     Examples
     --------
@@ -150,9 +148,10 @@ def touching(boxes: Sequence[Box]) -> list[list[int]]:
 
 
 def groups(boxes: Sequence[Box]) -> list[list[int]]:
-    """Work on boxes of one map, in groups to be done one after another: within a group no two boxes have a
-    pixel in common. The largest boxes come first, each in the first group that it fits in, so that there are
-    few groups, however many boxes there are.
+    """Group boxes of one map so that no two boxes of a group share a pixel.
+
+    The largest boxes come first, each in the first group in which it fits, so that there are few groups,
+    however many boxes there are.
 
     Examples
     --------
@@ -176,15 +175,17 @@ def on_boxes(
     item: Callable[[int], Item],
     boxes: Sequence[Box],
 ) -> Iterator[tuple[int, Result]]:
-    """A function of work on boxes of one map, each result with its number: in the order of :func:`groups`,
-    and at once where no two boxes have a pixel in common. Whoever asks takes each result in before the next.
+    """Run tasks on boxes of one map, in the order of :func:`groups`; yield results with their numbers.
+
+    Tasks whose boxes share no pixel run at the same time. The caller writes each result to the map before
+    asking for the next one.
 
     Parameters
     ----------
     executor : Executor, optional
     function : callable
     item : callable
-        Makes the item of a number from the map as it is then.
+        Makes the item of a number from the current map.
     boxes : sequence of Box
 
     Examples

@@ -1,30 +1,39 @@
-"""Light: gains of light, applied to values as they are encoded, so that highlights roll off and white stays
-white.
+"""Multiply the light of layers, window by window: highlights roll off and white stays white.
 
 Values are taken for encoded as sRGB, which most pictures are, and others nearly. In light, 1 is white. All
-layers share one shoulder: up to :data:`KNEE` light stays as it is, from there to the brightest light that any
-layer is to show it approaches white. It bends the least and the most of a pixel's channels; the others keep
-their place between them, so that hues stay. What was near white in all channels stays so whatever the gain.
+layers share one shoulder: up to :data:`KNEE` light stays as it is, from there to the brightest light of any
+layer it approaches white. The shoulder bends the least and the greatest of a pixel's channels; the others
+keep their place between them, so that hues stay. A pixel near white in all channels stays white whatever the
+gain.
 """
 
 from __future__ import annotations
 
 import functools
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.arrays import AnyFloats, Image
+from toposeam.arrays import AnyFloats, Floats, Image, Mask
+from toposeam.images import Windows, in_dtype
+from toposeam.layers.canvas.layer import Box, Layer
 
-#: AnyFloats up to which nothing rolls off: a value of 0.8.
+#: Light up to which nothing rolls off: a value of 0.8.
 KNEE = 0.6
-#: Up to this value encoding is a straight line; and its light.
+#: Value up to which sRGB's encoding is a straight line, and its light.
 STRAIGHT, _STRAIGHT_LIGHT = 0.04045, 0.0031308
+#: Share of full scale from which on, in all channels, gains fade out, so that white stays white.
+WHITE = 0.9
+#: Pixels of a window that are multiplied at once: their planes fit a processor's cache.
+_PIXELS_AT_ONCE = 1 << 16
+#: Cells of a field of gain along a side, and the quadratic B-splines over them.
+_CELLS = 3
+SPLINES = _CELLS + 2
 
 
 def decoded(shares: npt.ArrayLike) -> AnyFloats:
-    """The light of values, as shares of white.
+    """Decode values to light, both as shares of white.
 
     Examples
     --------
@@ -38,7 +47,7 @@ def decoded(shares: npt.ArrayLike) -> AnyFloats:
 
 
 def encoded(light: npt.ArrayLike) -> AnyFloats:
-    """The values of light, as shares of white.
+    """Encode light to values, both as shares of white.
 
     Examples
     --------
@@ -52,7 +61,7 @@ def encoded(light: npt.ArrayLike) -> AnyFloats:
 
 
 def rolled(light: AnyFloats, top: float) -> AnyFloats:
-    """Light up to `top` brought below white: the same up to the knee, with its slope, and 1 from `top` on.
+    """Roll off light between the knee and `top`: the same up to the knee, with its slope, 1 from `top` on.
 
     Examples
     --------
@@ -70,7 +79,7 @@ def rolled(light: AnyFloats, top: float) -> AnyFloats:
 
 
 def bent(shares: AnyFloats, top: float) -> AnyFloats:
-    """Values as shares of white of which the light is rolled off, by a table."""
+    """Roll off the light of values, which are shares of white, by a table."""
     if top <= 1:
         return shares
     table, first, scale = _bending(top)
@@ -79,19 +88,23 @@ def bent(shares: AnyFloats, top: float) -> AnyFloats:
 
 
 def finished(shares: AnyFloats, raised: AnyFloats, whites: AnyFloats, top: float, white: float) -> AnyFloats:
-    """(C, n) what becomes of values whose light was multiplied: rolled off, and what was lighter than `white`
-    in all channels brought to 1. Nothing goes beyond 1 that was not there before.
+    """Finish values whose light was multiplied: roll them off, and bring pixels that were lighter than
+    `white` in all channels to 1. No value exceeds 1 that did not before.
 
     Parameters
     ----------
     shares, raised : (C, n)
         Values as shares of white, before and after.
     whites : (C, n) or (C, 1)
-        What became of 1.
+        The values that 1 was raised to.
     top : float
-        The brightest light that is to show.
+        The brightest light to show; it becomes 1.
     white : float
         A share of white.
+
+    Returns
+    -------
+    (C, n) array
     """
     result = raised
     if top > 1:
@@ -114,7 +127,7 @@ def finished(shares: AnyFloats, raised: AnyFloats, whites: AnyFloats, top: float
 
 
 def light_of(values: Image, white: float) -> AnyFloats:
-    """The light of a picture's values; by a table where they are uint8 or uint16."""
+    """Decode the values of a picture to light; by a table where they are uint8 or uint16."""
     if values.dtype in (np.uint8, np.uint16):
         light: AnyFloats = _decoding(values.dtype, white).take(values)
         return light
@@ -123,8 +136,10 @@ def light_of(values: Image, white: float) -> AnyFloats:
 
 
 def multiplied(shares: AnyFloats, root: npt.NDArray[Any]) -> AnyFloats:
-    """Values as shares of white, their light times gains of which the 2.4-th roots are given, where both are
-    above :data:`STRAIGHT`: there gains of light are gains of values, with an offset.
+    """Multiply the light of values, which are shares of white, by gains given as their 2.4-th roots.
+
+    Only for values that are above :data:`STRAIGHT` before and after: there a gain of light is a gain of
+    values, with an offset.
 
     Examples
     --------
@@ -139,17 +154,202 @@ def multiplied(shares: AnyFloats, root: npt.NDArray[Any]) -> AnyFloats:
     return result
 
 
+def weights_along(length: int, at: npt.ArrayLike) -> Floats:
+    """Evaluate the quadratic B-splines along a side.
+
+    Parameters
+    ----------
+    length : int
+        Of the side, px.
+    at : (n,) array_like
+        Pixels; beyond the side the splines go on as at its ends.
+
+    Returns
+    -------
+    (n, 5) array
+    """
+    places = np.clip((np.asarray(at, float) + 0.5) / length, 0, 1) * _CELLS
+    cell = np.minimum(places.astype(int), _CELLS - 1)
+    share = places - cell
+    result = np.zeros((len(places), SPLINES))
+    rows = np.arange(len(places))
+    for step, value in enumerate(((1 - share) ** 2 / 2, 0.5 + share * (1 - share), share**2 / 2)):
+        result[rows, cell + step] = value
+    return result
+
+
+class Field(NamedTuple):
+    """A layer's field of gain."""
+
+    #: (5, 5), of the splines down and across.
+    coefficients: Floats
+    #: Where it spans in the layer; beyond, it goes on as at the edge.
+    box: Box
+
+    def along(self, rows: range) -> Floats:
+        """Evaluate the splines at some rows of the layer, (n, 5)."""
+        top, _, bottom, _ = self.box
+        return weights_along(max(bottom - top, 0), np.asarray(rows) - top)
+
+    def across(self, columns: range) -> Floats:
+        """Evaluate the coefficients of rows' splines at some columns of the layer, (5, n)."""
+        _, left, _, right = self.box
+        return self.coefficients @ weights_along(max(right - left, 0), np.asarray(columns) - left).T
+
+    def logarithm(self, rows: range, columns: range) -> Floats:
+        """Compute the logarithm of the gain at some rows and columns of the layer, (n, m)."""
+        return self.along(rows) @ self.across(columns)
+
+
+class Toned(Windows):
+    """A layer's light times its gains, encoded again, computed window by window.
+
+    Without `top` values are light, and only multiplied.
+    """
+
+    def __init__(
+        self,
+        layer: Layer,
+        gain: Floats,
+        field: Field | None = None,
+        top: float | None = 1.0,
+    ) -> None:
+        super().__init__(layer.image.shape, layer.image.dtype)
+        self._image, self._white, self._top = layer.image, layer.white, top
+        count = 1 if self.ndim == 2 else self.shape[2]
+        self._factor = (
+            gain.mean(keepdims=True) if count == 1 else gain[np.minimum(np.arange(count), len(gain) - 1)]
+        )
+        self._field = field
+        self._tables = self._make_tables()
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "_tables"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._tables = self._make_tables()
+
+    def _make_tables(self) -> npt.NDArray[np.float32] | None:
+        """Tabulate what every value becomes in each channel before highlights roll off, a share of white."""
+        if self._field is not None or self._top is None or self.dtype not in (np.uint8, np.uint16):
+            return None
+        light = decoded(np.arange(np.iinfo(self.dtype).max + 1) / self._white)
+        return encoded(light * self._factor[:, np.newaxis]).astype(np.float32)
+
+    def read(self, rows: slice, columns: slice) -> Image:
+        """Multiply some rows and columns."""
+        image = self._image[rows, columns]
+        if self._field is None and (self._factor == 1).all() and self._top in (None, 1.0):
+            return image.copy()
+        planes = image[..., np.newaxis] if self.ndim == 2 else image
+        result = np.empty(planes.shape, self.dtype)
+        rounded = None if self._tables is None else in_dtype(self._tables * self._white, self.dtype)
+        down, right = (
+            range(*one.indices(size)) for one, size in zip((rows, columns), self.shape[:2], strict=True)
+        )
+        along = across = None
+        if self._field is not None:
+            along, across = self._field.along(down), self._field.across(right)
+        step = max(1, _PIXELS_AT_ONCE // max(1, len(right)))
+        for start in range(0, len(planes), step):
+            part = slice(start, start + step)
+            block = planes[part]
+            logarithm = np.zeros((1, 1)) if along is None or across is None else along[part] @ across
+            if self._top is None:
+                result[part] = block * (np.exp(logarithm)[..., np.newaxis] * self._factor)
+            elif rounded is None:
+                multiplied_block = in_dtype(self._multiply(block, logarithm) * self._white, self.dtype)
+                for channel, plane in enumerate(multiplied_block):
+                    result[part, :, channel] = plane.reshape(block.shape[:2])
+            else:
+                for channel, table in enumerate(rounded):
+                    result[part, :, channel] = table.take(block[..., channel])
+                self._finish(block, result[part])
+        return result.reshape(image.shape)
+
+    def _finish(self, block: Image, result: Image) -> None:
+        """Mend the pixels whose channels depend on each other, which tables of one channel cannot know."""
+        darkest, lightest = _over_channels(np.minimum, block), _over_channels(np.maximum, result)
+        bright = self._bright(darkest, lightest, self._white)
+        if self._tables is None or not bright.any():
+            return
+        chosen = [block[..., channel][bright] for channel in range(len(self._tables))]
+        raised = np.stack([table.take(one) for table, one in zip(self._tables, chosen, strict=True)])
+        shares = np.stack(chosen) / np.float32(self._white)
+        whites = encoded(self._factor[:, np.newaxis]).astype(np.float32)
+        done = in_dtype(finished(shares, raised, whites, self._top or 1.0, WHITE) * self._white, self.dtype)
+        for channel, plane in enumerate(done):
+            result[..., channel][bright] = plane
+
+    def _multiply(self, block: Image, field: Floats) -> npt.NDArray[Any]:
+        """Multiply a block without tables.
+
+        Parameters
+        ----------
+        block : (h, w, C) array
+        field : (h, w) or (1, 1) array
+            Logarithm of the field of gain.
+
+        Returns
+        -------
+        (C, h w) array
+            Shares of white.
+        """
+        kind = np.dtype(np.float32 if self.dtype.itemsize <= 4 else np.float64).type
+        count = block.shape[2]
+        shares = np.empty((count, block.shape[0] * block.shape[1]), kind)  # one channel after the other
+        for plane, one in zip(shares, np.moveaxis(block, 2, 0), strict=True):
+            np.divide(one, kind(self._white), out=plane.reshape(one.shape))
+        logarithm = np.broadcast_to(field, block.shape[:2]).ravel().astype(kind)
+        factor = self._factor[:, np.newaxis].astype(kind)
+        root = np.exp(logarithm * kind(1 / 2.4)) * factor ** kind(1 / 2.4)
+        raised = multiplied(shares, root)
+        darkest = shares.min(axis=0)
+        dark = np.flatnonzero(np.minimum(darkest, raised.min(axis=0)) < STRAIGHT)
+        if len(dark):
+            raised[:, dark] = encoded(decoded(shares[:, dark]) * np.exp(logarithm[dark]) * factor)
+        bright = np.flatnonzero(self._bright(darkest, raised.max(axis=0), 1.0))
+        if len(bright):
+            whites = multiplied(np.ones((1, 1), kind), root[:, bright])
+            raised[:, bright] = finished(
+                shares[:, bright], raised[:, bright], whites, self._top or 1.0, WHITE
+            )
+        return raised
+
+    def _bright(self, darkest: npt.NDArray[Any], lightest: npt.NDArray[Any], white: float) -> Mask:
+        """Find the pixels whose channels depend on each other: all almost white, or one beyond the knee."""
+        found: Mask = darkest > WHITE * white
+        if self._top != 1.0:
+            # The value of the knee, less what may be rounded to below it.
+            found |= lightest > (float(encoded(KNEE)) - 0.5 / 255) * white
+        return found
+
+
+def _over_channels(function: np.ufunc, planes: Image) -> Image:
+    """Reduce (h, w, C) planes to (h, w): faster than along the last axis."""
+    extremes: Image = functools.reduce(function, np.moveaxis(planes, -1, 0))
+    return extremes
+
+
 @functools.lru_cache(maxsize=4)
 def _decoding(dtype: np.dtype[Any], white: float) -> npt.NDArray[np.float32]:
-    """The light of every value."""
+    """Return the light of every value of an integer type."""
     light: npt.NDArray[np.float32] = decoded(np.arange(np.iinfo(dtype).max + 1) / white).astype(np.float32)
     return light
 
 
 @functools.lru_cache(maxsize=4)
 def _bending(top: float) -> tuple[npt.NDArray[np.float32], float, float]:
-    """What evenly spaced values from the knee to `top` are bent to, the first, and how many there are up to
-    1.
+    """Tabulate what values from the knee to `top` are bent to.
+
+    Returns
+    -------
+    table : (K,) float32 array
+    first : float
+        The value of the first entry.
+    scale : float
+        Entries per unit of value.
     """
     first, last = (float(encoded(end)) for end in (KNEE, top))
     table = encoded(rolled(decoded(np.linspace(first, last, 1 << 16)), top)).astype(np.float32)

@@ -1,7 +1,7 @@
-from .label_map import LabelMap
+from .label_map import LabelMap, Pair
 from .pair_cost import KEPT_PIXELS, LayerPairCost
 from .posing import CORE, check_pairs, meets, pose_labelling
-from .problem import Labelling, Pair, PairCost
+from .problem import Labelling, PairCost
 from .seam_lines import beside_steps, doubled_around, junctions, reached, square_dilation
 from .subproblem import part_of_labelling, window_of_labelling
 from .table_costs import TableCost, spread

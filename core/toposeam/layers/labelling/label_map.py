@@ -1,4 +1,4 @@
-"""A label map: which layer shows at each pixel of a canvas, and how that was found."""
+"""A label map of a canvas, with the figures of the search that found it."""
 
 from __future__ import annotations
 
@@ -8,18 +8,33 @@ from typing import Any
 
 from toposeam.arrays import Labels
 
+#: Two layers by their numbers, the lower one first.
+Pair = tuple[int, int]
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LabelMap:
-    """The solution of a labelling problem."""
+    """The layer that shows at each pixel of a canvas, as found for a :class:`toposeam.layers.Labelling`.
 
-    #: (H, W) int16 array, or tiles that read like one: the layer that shows, -1 where none does.
+    A stitched picture has it as :attr:`toposeam.layers.Composition.solution`.
+
+    Examples
+    --------
+    >>> import numpy as np, toposeam as ts
+    >>> a, b = np.random.default_rng(0).random((2, 30, 40))
+    >>> found = ts.stitch(ts.layers.overlapping(a, b, overlap=10)).solution
+    >>> found.labels[5, [0, 69]], found.method, found.rounds
+    (array([0, 1], dtype=int16), 'shortest-path', 0)
+    """
+
+    #: (H, W) int16: the number of the layer that shows at each pixel, -1 where none does. An array, or for
+    #: large canvases a map of tiles that is read by ``labels[rows, columns]`` with two slices.
     labels: Labels
-    #: The engine, as :attr:`toposeam.seam.Seam.method` has it.
+    #: Name of the engine that decided, as :attr:`toposeam.seam.Seam.method`.
     method: str = "graph-cut"
-    #: The options of the engine.
+    #: The options of the engine, by name.
     settings: Mapping[str, Any] = field(default_factory=dict)
-    #: Rounds of expansions that were made.
+    #: Number of rounds of expansions that were made, 0 for two layers.
     rounds: int = 0
-    #: Seconds of the search.
+    #: Duration of the search, s.
     seconds: float = 0.0

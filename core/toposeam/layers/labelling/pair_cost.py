@@ -1,4 +1,4 @@
-"""The match cost of two layers, computed from their pixels where it is looked at."""
+"""The match cost of two layers, computed from their pixels on demand."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from toposeam.arrays import Floats32, Mask
 from toposeam.images import as_planes, widen
 from toposeam.layers.canvas.layer import Box, Layer, cut
 from toposeam.layers.canvas.tile_map import part_of, uniform
-from toposeam.layers.labelling.problem import Pair
+from toposeam.layers.labelling.label_map import Pair
 from toposeam.layers.labelling.table_costs import AROUND, spread
 from toposeam.seam.problem.blend_reach import STEP, Reach, any_by_steps, within_reach
 from toposeam.seam.problem.match_cost import MatchCost, match_cost
@@ -24,18 +24,19 @@ from toposeam.seam.problem.overlap import FREE, NONE, A, B, Overlap
 from toposeam.seam.problem.posing import forbid
 from toposeam.seam.problem.seam_problem import M_MAX
 
-#: Costs of pairs whose box holds up to so many pixels are kept; others are computed again where they are
-#: looked at.
+#: The costs of a pair are kept in memory if its box holds at most this many pixels, and computed again for
+#: each box that is asked for if it holds more.
 KEPT_PIXELS = 1 << 20
-#: Rows of about so many pixels are computed at once.
+#: Number of pixels that are computed at once, in whole rows: bounds the copies in float32.
 _BLOCK_PIXELS = 1 << 18
-#: Boxes of up to so many pixels are computed as one.
+#: Boxes of at most this many pixels are not divided, since overheads would outweigh the gain.
 _WHOLE_PIXELS = 1 << 15
-#: Rows of a band that are computed at once.
-_WANTED_ROWS = 48
-#: The inside of smaller boxes is not told from their border, px.
-_FRAME = 16
-#: What forbids an interface; far above what any match cost amounts to.
+#: Number of rows of a band that are computed at once.
+_BAND_ROWS = 48
+#: Least side, px, of the part covered by both layers for it to be computed apart from the border, as its
+#: costs need no masks.
+_LEAST_INSIDE = 16
+#: The cost of a forbidden interface, far above any match cost.
 FORBIDDEN = float(np.float32(M_MAX * 1e3))
 
 
@@ -46,14 +47,14 @@ def both_have(
     j: int,
     box: Box,
 ) -> Mask:
-    """(h, w) bool, where two layers have pixels in a box of the canvas."""
+    """(h, w) bool mask of a box of the canvas, True where two layers have pixels."""
     shared: Mask = cut(covered[i], places[i], box) & cut(covered[j], places[j], box)
     return shared
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pictures:
-    """What match costs are computed from."""
+    """The layers, places, masks and weights from which match costs are computed."""
 
     layers: Sequence[Layer] | Mapping[int, Layer]
     places: Sequence[Box] | Mapping[int, Box]
@@ -63,12 +64,12 @@ class Pictures:
     weight: npt.NDArray[Any] | None
     avoid: Mask | None
     canvas: Box
-    #: Whether costs of small overlaps are kept.
+    #: Whether the costs of small overlaps are kept in memory.
     keeps: bool = True
 
-    def part(self, box: Box, seen: dict[int, Any]) -> Pictures:
-        """As far as a box is concerned."""
-        found: Pictures | None = seen.get(id(self))
+    def part(self, box: Box, shared_parts: dict[int, Any]) -> Pictures:
+        """Cut out what costs in a box depend on; `shared_parts` shares one such part among several costs."""
+        found: Pictures | None = shared_parts.get(id(self))
         if found is None:
             box = box.grown(AROUND + self.match.look)
             number = range(len(self.layers)) if isinstance(self.layers, Sequence) else list(self.layers)
@@ -78,7 +79,7 @@ class Pictures:
                 inside = {k: box.moved(-self.places[k].top, -self.places[k].left) for k in near}
                 return {k: part_of(masks[k], inside[k].shared(Box(0, 0, *masks[k].shape))) for k in near}
 
-            found = seen[id(self)] = dataclasses.replace(
+            found = shared_parts[id(self)] = dataclasses.replace(
                 self,
                 layers={k: self.layers[k].bare for k in near},
                 places={k: self.places[k] for k in near},
@@ -92,7 +93,7 @@ class Pictures:
 
 
 class LayerPairCost:
-    """The match cost of two layers, computed from their pixels where it is looked at."""
+    """The match cost of two layers, computed from their pixels on demand."""
 
     def __init__(self, pair: Pair, pictures: Pictures) -> None:
         self._pair, self._pictures = pair, pictures
@@ -102,15 +103,15 @@ class LayerPairCost:
 
     @property
     def box(self) -> Box:
-        """What their places have in common, and one pixel around."""
+        """The overlap of the two places, grown by one pixel."""
         return self._box
 
     def shared(self, box: Box) -> Mask:
-        """(h, w) bool, where both layers have pixels."""
+        """(h, w) bool mask of a box, True where both layers have pixels."""
         return both_have(self._pictures.places, self._pictures.covered, *self._pair, box)
 
     def on(self, box: Box, beside: Mask | None = None) -> tuple[Floats32, Floats32]:
-        """The costs in a box, of large overlaps only those of interfaces of the pixels asked for."""
+        """Compute the costs in a box; on large overlaps only at the pixels of `beside`."""
         if not self._pictures.keeps or self.box.shape[0] * self.box.shape[1] > KEPT_PIXELS:
             common = self.box.shared(box)
             if min(common.shape) < 2:
@@ -121,43 +122,47 @@ class LayerPairCost:
             self._kept = self._computed(self.box)
         return spread(self._kept, self.box, box)
 
-    def part(self, box: Box, seen: dict[int, Any]) -> LayerPairCost:
-        """The same cost as far as a box is concerned."""
+    def part(self, box: Box, shared_parts: dict[int, Any]) -> LayerPairCost:
+        """Return the same cost for use inside a box only, in another process."""
         whole = box.shared(self.box) == self.box
-        result = LayerPairCost(self._pair, self._pictures.part(box, seen))
+        result = LayerPairCost(self._pair, self._pictures.part(box, shared_parts))
         result._nearby = self._nearby if whole else self._reach
         return result
 
     def looked_at(self) -> Reach | None:
-        """What was seen of all of the overlap, and needs not be looked at again (:meth:`know`)."""
+        """Return what was computed over the whole overlap, for :meth:`know` in another process; None if
+        nothing.
+        """
         return self._nearby
 
     def know(self, nearby: Reach | None) -> None:
-        """Take over what another process has seen."""
+        """Take over what another process has computed over the whole overlap."""
         self._nearby = nearby
 
     def _computed(self, box: Box, wanted: Mask | None = None) -> tuple[Floats32, Floats32]:
-        """Block by block, so that only a few rows of the layers are held as float32."""
+        """Compute the costs block by block, so that only a few rows of the layers are float32 at once."""
         height, width = box.shape
         right, down = np.zeros((height, width - 1), np.float32), np.zeros((height - 1, width), np.float32)
         for part in self._blocks(box) if wanted is None else _rows_of(box, wanted):
             across, below = self._block(part)
             at = part.moved(-box.top, -box.left)
-            rows = at.bottom - at.top - (at.bottom < height)  # its last one is the next block's first
+            rows = at.bottom - at.top - (at.bottom < height)  # the next block begins with the last row
             right[at.top : at.top + rows, at.left : at.right - 1] = across[:rows]
             down[at.top : at.bottom - 1, at.left : at.right] = below
         return right, down
 
     def _blocks(self, box: Box) -> Iterator[Box]:
-        """The blocks of a box, which share the rows and columns of pixels at their borders: what lies within
-        both layers, of which costs are sooner computed, apart from the rest; small ones are one block.
+        """Yield the blocks of a box; neighbouring ones share the rows and columns of pixels at their border.
+
+        The part that both layers cover is divided from the rest, since its costs are computed faster. A small
+        box is one block.
         """
         if math.prod(box.shape) <= _WHOLE_PIXELS:
             yield box
             return
         inside = self._box.grown(-1 - self._pictures.match.look).shared(box)
         rows, columns = (
-            sorted({low, first, last - 1, high - 1}) if last - first > _FRAME else [low, high - 1]
+            sorted({low, first, last - 1, high - 1}) if last - first > _LEAST_INSIDE else [low, high - 1]
             for low, high, first, last in (
                 (box.top, box.bottom, inside.top, inside.bottom),
                 (box.left, box.right, inside.left, inside.right),
@@ -203,10 +208,10 @@ class LayerPairCost:
     def _reach(self) -> Reach | None:
         reach = self._pictures.match.reach
         if self._nearby is None and reach:
-            self._nearby = self._seen_by(reach)
+            self._nearby = self._computed_reach(reach)
         return self._nearby
 
-    def _seen_by(self, reach: float) -> Reach:
+    def _computed_reach(self, reach: float) -> Reach:
         def part(rows: slice) -> tuple[Floats32, Mask, Mask] | None:
             top = self.box.top
             here = Box(top + rows.start, self.box.left, top + rows.stop, self.box.right)
@@ -225,25 +230,25 @@ class LayerPairCost:
         whole = bool(present.all())
         common = box.shared(place)
         inside = common.moved(-place.top, -place.left)
-        # Of a layer that begins inside of the box, the first of its pixels that are looked at.
+        # The first row and column of the step grid on a layer that begins inside the box.
         top, left = (-(-(begin - edge) // step) for begin, edge in zip(common[:2], box[:2], strict=True))
         image = layer.image[
             box.top + top * step - place.top : max(inside.bottom, 0) : step,
             box.left + left * step - place.left : max(inside.right, 0) : step,
         ]
         if not whole:
-            seen = image
-            image = np.zeros((*present[::step, ::step].shape, *seen.shape[2:]), seen.dtype)
-            image[top : top + len(seen), left : left + seen.shape[1]] = seen
+            pixels = image
+            image = np.zeros((*present[::step, ::step].shape, *pixels.shape[2:]), pixels.dtype)
+            image[top : top + len(pixels), left : left + pixels.shape[1]] = pixels
         if not whole and not uniform(self._pictures.covered[index], inside):  # beyond the layer it is 0
             image[~present[::step, ::step]] = 0
         return np.moveaxis(as_planes(image, layer.title, layer.data_range), 0, -1)
 
 
 def _rows_of(box: Box, wanted: Mask) -> Iterator[Box]:
-    """Blocks of a few rows of a box, as wide as the pixels asked for, (h, w) bool, and a pixel more."""
-    for start in range(0, box.shape[0], _WANTED_ROWS):
-        stop = min(start + _WANTED_ROWS, box.shape[0])
+    """Yield blocks of a few rows of a box, as wide as the (h, w) bool `wanted` pixels and one pixel more."""
+    for start in range(0, box.shape[0], _BAND_ROWS):
+        stop = min(start + _BAND_ROWS, box.shape[0])
         columns = np.flatnonzero(wanted[max(start - 1, 0) : stop + 1].any(axis=0))
         if len(columns):
             left, right = max(int(columns[0]) - 1, 0), min(int(columns[-1]) + 2, box.shape[1])

@@ -1,17 +1,17 @@
-"""A labelling problem posed: placed layers in; what is allowed where, and the costs, out.
+"""Pose a labelling problem: from placed layers to the layers allowed at each pixel and their costs.
 
-The rules of :mod:`toposeam.seam.problem.overlap`, whose `at_its_end` and `cores` state them for one patch,
-for many layers:
+The rules of :mod:`toposeam.seam.problem.overlap`, whose `at_its_end` and `cores` apply them to one patch, are
+extended to many layers:
 
-- A layer does not show at its own end, where it has pixels but not the neighbour that another layer has,
+- A layer is not allowed at its own end, where it has pixels but lacks a neighbour that another layer has,
   unless all layers there end.
-- A connected piece of a layer that lies wholly inside one other layer keeps its *core*, the inner half of its
-  depth. One that only several others together cover may show nowhere, unless ``core`` is given, the share of
-  its depth, which all pieces without a pixel to themselves then keep. Specks keep none. Where cores of
-  several layers meet these are to be chosen from, except that one that lies wholly in another has its place
-  alone, of two that are equal the later layer's.
-- Where only one of two neighbours is covered by both layers, its values count twice; where neither is,
-  nothing is known and their interface costs 0.
+- A connected piece of a layer that lies wholly inside one other layer keeps its *core*: the pixels at least
+  half as deep as its deepest one. A piece that only several others together cover may vanish, unless
+  ``core``, a fraction of the depth, is given; then all pieces without a pixel of their own keep a core.
+  Specks keep none. Where cores of several layers overlap, only these layers are allowed; but a core that lies
+  wholly inside another one has its pixels alone. Of two equal cores that is the later layer's.
+- If only one of two neighbours is covered by both layers, its values count twice. If neither is, the cost
+  is not known, and the interface costs 0.
 """
 
 from __future__ import annotations
@@ -40,15 +40,16 @@ from toposeam.layers.canvas.tile_map import (
     occupied_columns,
     uniform,
 )
+from toposeam.layers.labelling.label_map import Pair
 from toposeam.layers.labelling.pair_cost import FORBIDDEN, LayerPairCost, Pictures, both_have
-from toposeam.layers.labelling.problem import Labelling, Pair, PairCost
+from toposeam.layers.labelling.problem import Labelling, PairCost
 from toposeam.seam.problem.match_cost import MatchCost
 from toposeam.seam.problem.overlap import at_its_end, cores
 
-#: The share of its depth that a layer inside another one keeps if nothing else is said.
+#: Default of `core`: the fraction of its depth that a layer inside another one keeps.
 CORE = 0.5
 
-#: Every pair that overlaps is kept: more are refused than these, and than this many a layer.
+#: Largest number of overlapping pairs, in all or per layer, whichever is more: each takes memory and time.
 _MOST_PAIRS, _PAIRS_PER_LAYER = 20_000, 64
 
 _T = TypeVar("_T")
@@ -64,7 +65,7 @@ def pose_labelling(
     avoid: Mask | None = None,
     given: Sequence[tuple[Pair, Mask]] = (),
 ) -> Labelling:
-    """The labelling problem of placed layers.
+    """Pose the labelling problem of placed layers.
 
     Parameters
     ----------
@@ -77,14 +78,14 @@ def pose_labelling(
     weight, avoid : (H, W) array, optional
         As for :func:`toposeam.find_seam`, on the canvas.
     given : sequence of ((int, int), (H, W) bool array)
-        Seams that are known: two layers, and where the second one shows beside the first.
+        Seams that are given: a pair of layers, and the mask where the second one shows beside the first.
     """
     places, covered = canvas.places, canvas.covers
     pairs = _overlapping(places, covered)
     allowed = _away_from_ends(places, covered)
     _keep_cores(canvas.box, places, covered, allowed, core, speck)
     for pair, labels in given:
-        _divide(places, allowed, pair, labels)
+        _apply_seam(places, allowed, pair, labels)
     match = MatchCost() if match is None else match
     pictures = Pictures(canvas.layers, places, covered, allowed, match, weight, avoid, canvas.box)
     costs: dict[Pair, PairCost] = {pair: LayerPairCost(pair, pictures) for pair in pairs}
@@ -93,7 +94,7 @@ def pose_labelling(
 
 
 def check_pairs(layers: Sequence[Layer]) -> None:
-    """Refuse more pairs of layers that overlap than can be kept, before anything is done for each of them.
+    """Refuse layers with too many overlapping pairs, before any work is done for each pair.
 
     Raises
     ------
@@ -104,12 +105,12 @@ def check_pairs(layers: Sequence[Layer]) -> None:
     meet = (np.maximum.outer(top, top) < np.minimum.outer(bottom, bottom)) & (
         np.maximum.outer(left, left) < np.minimum.outer(right, right)
     )
-    if np.count_nonzero(meet) > 2 * _MOST_PAIRS:  # what is transparent may make them fewer
+    if np.count_nonzero(meet) > 2 * _MOST_PAIRS:  # fewer, if transparent parts overlap
         _overlapping(canvas.places, canvas.covers)
 
 
 def _overlapping(places: Sequence[Box], covered: Sequence[Mask]) -> list[Pair]:
-    """The pairs of layers that share a pixel.
+    """Find the pairs of layers that share a pixel.
 
     Raises
     ------
@@ -133,7 +134,7 @@ def _overlapping(places: Sequence[Box], covered: Sequence[Mask]) -> list[Pair]:
 
 
 def meets(places: Sequence[Box], covered: Sequence[Mask], i: int, j: int) -> bool:
-    """Whether two layers share a pixel."""
+    """Test whether two layers share a pixel."""
     return any(both_have(places, covered, i, j, box).any() for box in blocks(places[i].shared(places[j])))
 
 
@@ -141,7 +142,7 @@ def _away_from_ends(places: Sequence[Box], covered: Sequence[Mask]) -> list[Mask
     inner = [_without_ends(index, places, covered) for index in range(len(places))]
 
     def allowed(index: int, box: Box) -> Mask | bool:
-        """Where all layers end, they are allowed to."""
+        """Compute where a layer is allowed in a box: not at its end, unless all layers end there."""
         if uniform(inner[index], box):
             return True
         place = places[index]
@@ -182,7 +183,7 @@ def _keep_cores(
     core: float | None,
     speck: float | None,
 ) -> None:
-    """Leave, in place, where there are cores no layers to choose from but those whose cores these are."""
+    """Restrict the allowed layers on cores to the layers whose cores these are, in place."""
     found = [_cores_of(index, places, covered, allowed[index], core, speck) for index in range(len(places))]
     there = [own for own in found if own is not None]
     if not there:
@@ -202,17 +203,17 @@ def _keep_cores(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Cores:
-    """What a layer keeps."""
+    """The cores of one layer: the parts that it keeps inside other layers."""
 
     index: int
-    #: On the canvas, and the number of the connected piece of each of its pixels, (h, w) int32.
+    #: A box of the canvas, and on it (h, w) int32: the number of the core at each pixel, 0 for none.
     box: Box
     piece: npt.NDArray[np.int32]
-    #: (n + 1,) how many pixels each has.
+    #: (n + 1,) number of pixels of each core.
     size: npt.NDArray[np.intp]
 
     def without(self, others: Sequence[_Cores]) -> Mask:
-        """(h, w) bool: all but what others keep that lies in it."""
+        """(h, w) bool mask of the cores, without other layers' cores that lie inside them."""
         kept: Mask = new_map(self.box.shape, False, bool)
         kept[:, :] = self.piece[:, :] > 0
         for other in others:
@@ -224,19 +225,19 @@ class _Cores:
         return kept
 
     def lying_in(self, other: _Cores) -> npt.NDArray[np.bool_]:
-        """(n + 1,) bool: which pieces another layer's hold; of two that are equal the later one lies in the
-        other.
+        """(n + 1,) bool: test which cores lie inside one of another layer; of two equal ones the later one
+        does.
         """
         common, none = self.box.shared(other.box), np.zeros(len(self.size), bool)
         if self.index == other.index or not all(common.shape) or (len(none) == 2 and common != self.box):
             return none
         own, theirs = self.piece[common.within(self.box)], other.piece[common.within(other.box)]
-        held = own[theirs > 0]
-        holder = np.zeros(len(none), np.int32)
-        holder[held] = theirs[theirs > 0]
-        inside: npt.NDArray[np.bool_] = np.bincount(held, minlength=len(none)) == self.size
+        enclosed = own[theirs > 0]
+        enclosing = np.zeros(len(none), np.int32)
+        enclosing[enclosed] = theirs[theirs > 0]
+        inside: npt.NDArray[np.bool_] = np.bincount(enclosed, minlength=len(none)) == self.size
         if self.index < other.index:
-            inside &= self.size < other.size[holder]
+            inside &= self.size < other.size[enclosing]
         inside[0] = False
         return inside
 
@@ -249,16 +250,18 @@ def _cores_of(
     core: float | None,
     speck: float | None,
 ) -> _Cores | None:
-    """The cores of those pieces of a layer that lie inside another one, or, with `core`, inside others."""
+    """Find the cores of a layer's pieces that lie inside another layer, or, with `core`, inside the union of
+    others.
+    """
     place = places[index]
-    whole = all_of(covered[index])  # one piece
-    if whole and core is None and not any(place.shared(other) == place for other in _but(index, places)):
+    whole = all_of(covered[index])  # the layer is one piece
+    if whole and core is None and not any(place.shared(other) == place for other in _all_but(index, places)):
         return None
     if whole and core is not None and any((_depth(places, covered, box) == 1).any() for box in blocks(place)):
         return None
     if core is None and not whole:
-        # Of a layer that lies at both ends of a round canvas most columns are empty.
-        runs = _occupied(covered[index])
+        # A layer that lies at both ends of a round canvas leaves most columns empty.
+        runs = _column_runs(covered[index])
         if sum(map(len, runs)) < place.shape[1] and not _lies_in_another(index, places, covered, runs):
             return None
     cover = dense(covered[index])
@@ -283,8 +286,8 @@ def _cores_of(
     return _Cores(index, box, numbers, np.bincount(piece.ravel()))
 
 
-def _occupied(cover: Mask) -> list[range]:
-    """The runs of columns in which a mask has pixels."""
+def _column_runs(cover: Mask) -> list[range]:
+    """Find the runs of columns in which a mask has pixels."""
     edges = np.flatnonzero(np.diff(np.pad(occupied_columns(cover), 1))).tolist()
     return [range(start, stop) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
 
@@ -292,7 +295,7 @@ def _occupied(cover: Mask) -> list[range]:
 def _lies_in_another(
     index: int, places: Sequence[Box], covered: Sequence[Mask], runs: Sequence[range]
 ) -> bool:
-    """Whether a connected piece of some runs of a layer's columns lies inside another layer."""
+    """Test whether a connected piece of a layer, within runs of its columns, lies inside another layer."""
     place = places[index]
     for run in runs:
         piece = scipy.ndimage.label(dense(covered[index][:, run.start : run.stop]))[0]
@@ -311,24 +314,26 @@ def _inside_another(
     piece: npt.NDArray[np.int32],
     size: npt.NDArray[np.intp],
 ) -> npt.NDArray[np.bool_]:
-    """(n + 1,) bool: which pieces of a layer in a box, of these sizes, lie inside one other layer."""
+    """(n + 1,) bool: test which pieces of a layer in a box lie inside one other layer; `size` is their area,
+    px.
+    """
     inside = np.zeros(len(size), bool)
-    for other, theirs in zip(_but(index, places), _but(index, covered), strict=True):
+    for other, theirs in zip(_all_but(index, places), _all_but(index, covered), strict=True):
         common = box.shared(other)
         if all(common.shape):
-            held = piece[common.within(box)][cut(theirs, other, common)]
-            inside |= np.bincount(held, minlength=len(size)) == size
+            enclosed = piece[common.within(box)][cut(theirs, other, common)]
+            inside |= np.bincount(enclosed, minlength=len(size)) == size
     inside[0] = False
     return inside
 
 
-def _but(index: int, values: Sequence[_T]) -> Sequence[_T]:
-    """All but one."""
+def _all_but(index: int, values: Sequence[_T]) -> Sequence[_T]:
+    """Return all values but one."""
     return [*values[:index], *values[index + 1 :]]
 
 
 def _depth(places: Sequence[Box], covered: Sequence[Mask], box: Box) -> npt.NDArray[np.uint16]:
-    """(h, w): how many layers have pixels in a box of the canvas."""
+    """(h, w) number of layers that have pixels, in a box of the canvas."""
     depth = np.zeros(box.shape, np.uint16)
     for place, cover in zip(places, covered, strict=True):
         common = place.shared(box)
@@ -337,9 +342,9 @@ def _depth(places: Sequence[Box], covered: Sequence[Mask], box: Box) -> npt.NDAr
     return depth
 
 
-def _divide(places: Sequence[Box], allowed: list[Mask], pair: Pair, labels: Mask) -> None:
-    """Forbid each of two layers what a given seam leaves to the other; `labels` on the canvas, True for the
-    second layer.
+def _apply_seam(places: Sequence[Box], allowed: list[Mask], pair: Pair, labels: Mask) -> None:
+    """Forbid each of two layers the pixels that a given seam leaves to the other; `labels` on the canvas,
+    True for the second layer.
     """
     common = places[pair[0]].shared(places[pair[1]])
     if not all(common.shape):

@@ -1,13 +1,13 @@
-"""Which layer shows at every pixel: what is allowed, and what it costs where two layers adjoin.
+"""The labelling problem: which layers are allowed at each pixel, and the cost where two layers adjoin.
 
-A *label map* gives each covered pixel of the canvas the number of one layer that is allowed there, -1 where
-no layer has pixels. It costs Σ M_ij(p, q) over neighbours p and q that show different layers i and j, M_ij
-being the match cost of these two (:mod:`toposeam.seam.problem.match_cost`). For two layers that is the seam
-problem. Which layers are allowed, and M_ij where not both layers have both pixels, is decided by
-:mod:`toposeam.layers.labelling.posing`.
+A *label map* gives each covered pixel of the canvas the number of one layer that is allowed there, and -1 to
+pixels that no layer covers. It costs Σ M_ij(p, q) over neighbours p and q that show different layers i and j;
+M_ij is the match cost of these two (:mod:`toposeam.seam.problem.match_cost`). For two layers this is the seam
+problem. :mod:`toposeam.layers.labelling.posing` decides which layers are allowed, and the value of M_ij where
+the two layers do not both cover both pixels.
 
-An *expansion* lowers the cost by letting one layer show more of itself (Boykov, Veksler and Zabih 2001,
-doi:10.1109/34.969114); a *swap* divides anew the pixels that show one of two layers. Both are minimum cuts.
+An *expansion* lowers the cost by letting one layer show at more pixels (Boykov, Veksler and Zabih 2001,
+doi:10.1109/34.969114); a *swap* divides the pixels that show one of two layers anew. Both are minimum cuts.
 """
 
 from __future__ import annotations
@@ -21,35 +21,38 @@ import numpy as np
 from toposeam.arrays import Floats32, Labels, Mask
 from toposeam.layers.canvas.layer import Box, cut
 from toposeam.layers.canvas.tile_map import EDGES, blocks, new_map, several, uniform
+from toposeam.layers.labelling.label_map import Pair
 from toposeam.seam.problem.overlap import FREE, NONE, A, B, Overlap, neighbours
 from toposeam.seam.problem.seam_problem import SeamProblem
 
-_NEIGHBOURS: Any = (np.s_[:, :-1], np.s_[:-1]), (np.s_[:, 1:], np.s_[1:])  # each pixel's right and lower one
-
-#: Two layers by their numbers, the lower one first.
-Pair = tuple[int, int]
+#: Slices of the left and upper pixels of all interfaces, and of their right and lower neighbours.
+_NEIGHBOURS: Any = (np.s_[:, :-1], np.s_[:-1]), (np.s_[:, 1:], np.s_[1:])
 
 
 class PairCost(Protocol):
-    """The match cost of two layers wherever both have pixels."""
+    """The match cost of two layers on all interfaces where both have pixels."""
 
     @property
     def box(self) -> Box:
-        """What their places have in common, and one pixel around."""
+        """The overlap of the two places, grown by one pixel."""
         ...
 
     def on(self, box: Box, beside: Mask | None = None) -> tuple[Floats32, Floats32]:
-        """Costs of the interfaces to the right, (h, w - 1), and below, (h - 1, w), in any box; 0 where they
-        are not known, and perhaps also where neither pixel is one of those that are asked for.
+        """Return the costs of the interfaces to the right, (h, w - 1), and below, (h - 1, w), in any box.
+
+        A cost is 0 where it is not known, and may be 0 where neither pixel is one of `beside`, (h, w) bool.
         """
         ...
 
     def shared(self, box: Box) -> Mask:
-        """(h, w) bool, where both layers have pixels."""
+        """(h, w) bool mask of a box, True where both layers have pixels."""
         ...
 
-    def part(self, box: Box, seen: dict[int, Any]) -> PairCost:
-        """The same cost as far as a box is concerned; in `seen` is what several costs have in common."""
+    def part(self, box: Box, shared_parts: dict[int, Any]) -> PairCost:
+        """Return the same cost for use inside a box only, in another process.
+
+        `shared_parts` collects the parts that several costs share.
+        """
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,25 +61,38 @@ class PairSeam:
 
     problem: SeamProblem
     box: Box
-    #: (h, w) int16, the layers that show.
+    #: (h, w) int16: the layer that shows at each pixel.
     labels: Labels
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Labelling:
-    """The problem of choosing a layer at every pixel, at full size or reduced.
+    """The problem of choosing a layer for every pixel of a canvas, at full size or reduced.
+
+    A label map costs Σ M over the interfaces between different layers; M is the match cost of the two layers.
+    :attr:`toposeam.layers.Composition.labelling` is that of a stitched picture.
 
     Parameters
     ----------
     canvas : Box
     places : sequence of Box
-        Where each layer lies on the canvas.
+        The box of the canvas that each layer fills.
     allowed : sequence of (h, w) bool arrays
-        Per layer, on its place, where it is one of those to be chosen from.
+        Per layer, on its place, True where the layer may be chosen.
     costs : mapping from pairs of layers to PairCost
-        Those that share a pixel.
+        The match costs of all pairs that share a pixel.
     forbidden : float
-        Interfaces that cost as much or more are forbidden.
+        Interfaces that cost at least this much are forbidden.
+
+    Examples
+    --------
+    >>> import toposeam as ts
+    >>> a, b = np.random.default_rng(0).random((2, 30, 40))
+    >>> labelling = ts.stitch(ts.layers.overlapping(a, b, overlap=10)).labelling
+    >>> labelling.canvas, list(labelling.costs)
+    (Box(top=0, left=0, bottom=30, right=70), [(0, 1)])
+    >>> labelling.contested(10**6) < 30 * 10  # the overlap without its borders
+    True
     """
 
     canvas: Box
@@ -86,15 +102,15 @@ class Labelling:
     forbidden: float = float("inf")
 
     def allowed_in(self, index: int, box: Box) -> Mask:
-        """(h, w) bool: where a layer is allowed in a box."""
+        """(h, w) bool mask of a box, True where a layer is allowed."""
         return cut(self.allowed[index], self.places[index], box)
 
     def labels_in(self, label_map: Labels, box: Box) -> Labels:
-        """A copy of the label map in a box, -1 off the canvas."""
+        """Return a copy of the label map in a box, -1 off the canvas."""
         return cut(label_map, self.canvas, box, fill=-1)
 
     def contested(self, enough: int) -> int:
-        """How many pixels have several layers to choose from; counted no further than `enough`."""
+        """Count the pixels where more than one layer is allowed; stop counting at `enough`."""
         count = 0
         for box in blocks(self.canvas):
             number = np.zeros(box.shape, np.uint8)
@@ -106,8 +122,9 @@ class Labelling:
         return count
 
     def make_allowed(self, label_map: Labels) -> None:
-        """Give pixels whose layer is not allowed there to one that is and shows beside them, or to the first
-        one that is, or to none, in place.
+        """Replace labels that are not allowed, in place.
+
+        Such a pixel gets an allowed layer that shows beside it; else the first allowed one; else -1.
         """
         for box in blocks(self.canvas, EDGES):
             layer = uniform(label_map, box)
@@ -136,14 +153,14 @@ class Labelling:
             label_map[box.slices] = labels
 
     def _allowed_on(self, box: Box) -> Iterator[tuple[int, Box, Mask]]:
-        """The layers that lie on a box, what each has in common with it, and where it is allowed there."""
+        """Yield each layer that lies on a box, the common box, and the mask where it is allowed there."""
         for index, place in enumerate(self.places):
             common = place.shared(box)
             if all(common.shape):
                 yield index, common, cut(self.allowed[index], place, common)
 
     def on_top(self) -> Labels:
-        """The label map in which each pixel shows the last layer that is allowed there."""
+        """Return the label map in which each pixel shows the last layer that is allowed there."""
         label_map: Labels = new_map(self.canvas.shape, -1, np.int16)
         for box in blocks(self.canvas):
             labels = np.full(box.shape, -1, np.int16)
@@ -155,7 +172,7 @@ class Labelling:
     def seam(
         self, label_map: Labels, pair: Pair, *, within: Box | None = None, beside: bool = False
     ) -> PairSeam | None:
-        """The seam between two layers, posed as a problem of which ``b`` is the second one.
+        """Pose the seam between two layers of a label map as a problem whose ``b`` is the second one.
 
         Parameters
         ----------
@@ -164,7 +181,7 @@ class Labelling:
         within : Box, optional
             Pose it in this box only.
         beside : bool
-            Whether only the costs beside the seam are needed.
+            Compute only the costs beside the seam.
 
         Returns
         -------
@@ -190,8 +207,8 @@ class Labelling:
         return PairSeam(problem, box, labels)
 
     def _beside(self, index: int, pair: Pair, labels: Labels, free: Mask, box: Box) -> Floats32:
-        """(h, w) unary cost of showing one layer of a pair at its free pixels: that of their interfaces with
-        other layers.
+        """(h, w) unary cost of showing one layer of a pair at its free pixels: that of the interfaces with
+        third layers.
         """
         total = np.zeros(box.shape, np.float32)
         for other in _labels_of(labels):
@@ -209,7 +226,7 @@ class Labelling:
         return total
 
     def total(self, labels: Labels, box: Box) -> float:
-        """Σ M of a label map in a box."""
+        """Compute Σ M of a label map in a box."""
         total = 0.0
         for i, j in self.adjoining(labels):
             cost = self.costs.get((i, j))
@@ -219,9 +236,9 @@ class Labelling:
         return total
 
     def adjoining(self, labels: Labels) -> list[Pair]:
-        """The pairs of layers that show side by side somewhere, in order."""
+        """Find the pairs of layers that show side by side somewhere, in order."""
         count = len(self.places)
-        beside = np.zeros((count + 1) ** 2, bool)  # by the lower number and the higher; -1 comes last
+        beside = np.zeros((count + 1) ** 2, bool)  # by pair, the lower number first; -1 counts as last
         for box in several(labels, Box(0, 0, *labels.shape)):
             part = labels[box.slices]
             for s, t in ((part[:, :-1], part[:, 1:]), (part[:-1], part[1:])):
@@ -233,5 +250,5 @@ class Labelling:
 
 
 def _labels_of(labels: Labels) -> list[int]:
-    """The layers that show, in order."""
+    """Return the numbers of the layers that show, in order."""
     return np.flatnonzero(np.bincount(labels.ravel() + 1)[1:]).tolist()

@@ -1,4 +1,4 @@
-"""Where seams run on a label map, and where they meet."""
+"""Find the pixels beside seams on a label map, and the places where seams meet."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _Bits = TypeVar("_Bits", np.bool_, np.uint8, np.uint64)
 
 
 def junctions(label_map: Labels, reach: int) -> list[Box]:
-    """Boxes that reach so many px beyond the places where three layers or more meet; no two overlap.
+    """Find disjoint boxes that reach `reach` px beyond the places where three or more layers meet.
 
     Examples
     --------
@@ -44,7 +44,7 @@ def junctions(label_map: Labels, reach: int) -> list[Box]:
 
 
 def beside_steps(values: np.ndarray) -> Mask:
-    """Pixels one of whose neighbours differs."""
+    """Mark the pixels of which some neighbour has a different value."""
     result = np.zeros(values.shape, bool)
     for s, t in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
         differs = values[s] != values[t]
@@ -54,14 +54,15 @@ def beside_steps(values: np.ndarray) -> Mask:
 
 
 def square_dilation(mask: npt.NDArray[_Bits], reach: int) -> npt.NDArray[_Bits]:
-    """The pixels at most so many px from those of a mask, along each axis: its dilation by a square of
-    2 reach + 1 px a side. Of integers each bit is a mask.
+    """Dilate a mask by a square of 2 reach + 1 px a side.
+
+    In an array of integers each bit is a mask of its own.
     """
     result = mask.copy()
     for turned in (result, result.T):
         done = 0
         while done < reach:
-            step = min(done + 1, reach - done)  # what is there spans 2 done + 1 px
+            step = min(done + 1, reach - done)  # a pixel spans 2 done + 1 px so far
             before = turned.copy()
             turned[step:] |= before[:-step]
             turned[:-step] |= before[step:]
@@ -70,7 +71,7 @@ def square_dilation(mask: npt.NDArray[_Bits], reach: int) -> npt.NDArray[_Bits]:
 
 
 def reached(label_map: Labels, count: int, reach: int) -> list[Mask]:
-    """Of each of `count` layers the pixels at most so many px from where it shows, along each axis.
+    """Mark, for each of `count` layers, the pixels at most `reach` px from where it shows, along each axis.
 
     Examples
     --------
@@ -82,8 +83,8 @@ def reached(label_map: Labels, count: int, reach: int) -> list[Mask]:
     """
     found: list[Mask] = []
     kind: Any = np.uint8 if count <= 8 else np.uint64
-    for first in range(0, count, 64):  # all at once, a bit for each
-        bit: npt.NDArray[Any] = np.zeros(count + 1, kind)  # -1 is the last one
+    for first in range(0, count, 64):  # 64 layers at once, one bit each
+        bit: npt.NDArray[Any] = np.zeros(count + 1, kind)  # index -1, no layer, is the last
         own = np.left_shift(kind(1), np.arange(min(64, count - first), dtype=kind))
         bit[first : first + len(own)] = own
         near = square_dilation(bit[label_map], reach)
@@ -92,7 +93,7 @@ def reached(label_map: Labels, count: int, reach: int) -> list[Mask]:
 
 
 def doubled_around(pixels: tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]], shape: tuple[int, int]) -> Mask:
-    """(H, W) bool on a canvas: rows and columns of the one of half the size, and those next to them.
+    """(H, W) bool mask of a canvas, True at pixels given on the canvas of half the size, and next to them.
 
     Examples
     --------

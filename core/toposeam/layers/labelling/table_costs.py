@@ -1,4 +1,4 @@
-"""Costs of pairs of layers that are known as tables, on reduced canvases."""
+"""Match costs of pairs of layers as tables, on reduced canvases."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from toposeam.arrays import Floats32, Mask
 from toposeam.layers.canvas.layer import Box, cut
 from toposeam.layers.labelling.problem import PairCost
 
-#: How far beyond a part of the canvas its costs are looked up, px: gradients look one farther, and halving
-#: doubles it.
+#: Margin, px, of a part of the canvas that is cut out: gradients need one more pixel, and each halving
+#: doubles that.
 AROUND = 8
 
 
 def spread(costs: tuple[Floats32, Floats32] | None, at: Box, box: Box) -> tuple[Floats32, Floats32]:
-    """Costs known in a box as those in another one, 0 beyond."""
+    """Copy costs that are known in box `at` to another box, 0 beyond."""
     right_box, down_box = (
         Box(box.top, box.left, box.bottom, box.right - 1),
         Box(box.top, box.left, box.bottom - 1, box.right),
@@ -31,29 +31,29 @@ def spread(costs: tuple[Floats32, Floats32] | None, at: Box, box: Box) -> tuple[
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TableCost:
-    """The cost of two layers on a reduced canvas, as tables."""
+    """The match cost of two layers on a reduced canvas, as tables."""
 
     box: Box
     right: Floats32
     down: Floats32
-    #: The part of the box that the tables are of, 0 elsewhere; all of it where None.
+    #: The part of the box that the tables cover; the costs are 0 elsewhere. None for the whole box.
     at: Box | None = None
 
     def __post_init__(self) -> None:
         for table in (self.right, self.down):
-            table.setflags(write=False)  # who hands them on need not look whether they are still the same
+            table.setflags(write=False)  # read-only arrays may be passed as files
 
     def on(self, box: Box, beside: Mask | None = None) -> tuple[Floats32, Floats32]:
-        """The costs in a box."""
+        """Return the costs in a box."""
         return spread((self.right, self.down), self.at or self.box, box)
 
     def shared(self, box: Box) -> Mask:
-        """(h, w) bool, the whole of their common box."""
+        """(h, w) bool mask of a box, True inside the common box of both layers."""
         inside = self.box.grown(-1)
         return cut(np.ones(inside.shape, bool), inside, box)
 
-    def part(self, box: Box, seen: dict[int, Any]) -> PairCost:
-        """The tables in a box; of a part they are that already."""
+    def part(self, box: Box, shared_parts: dict[int, Any]) -> PairCost:
+        """Cut the tables to a box and a margin; a part is returned as it is."""
         if self.at is not None:
             return self
         common = box.grown(AROUND).shared(self.box)

@@ -1,12 +1,12 @@
 from .align import Aligned, correlations
 from .bundle_adjustment import adjust_cameras, adjust_plane, left_over
-from .consensus import without_contradictions
+from .consensus import evidence_of, without_contradictions
+from .features import find_features
 from .find_places import PlaceOptions, among, found_places
 from .homography import applied
 from .pair_matching import Match
-from .panorama import View, camera_transforms, plane_transforms
+from .perspective import View, camera_transforms, plane_transforms
 from .placement import MODELS, Placement, Residual
-from .sift import find_features
 
 __all__ = [
     "MODELS",
@@ -22,6 +22,7 @@ __all__ = [
     "applied",
     "camera_transforms",
     "correlations",
+    "evidence_of",
     "find_features",
     "found_places",
     "left_over",

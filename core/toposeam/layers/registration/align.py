@@ -1,10 +1,10 @@
-"""Approximate positions made exact, to the pixel, by what overlapping layers show.
+"""Make approximate positions exact, to the pixel, by comparing overlapping layers.
 
 Each pair of layers that overlap, or would within the search radius, is compared by masked phase correlation
 (Padfield 2012, doi:10.1109/TIP.2011.2181402; scikit-image's), on a coarser scale first where the overlap is
 large. A shift counts when it lies within the radius and the overlap then correlates. All shifts together give
-the positions (:mod:`toposeam.layers.registration.pose_graph`), the first layer staying where it is; pairs
-that contradict the others, as what repeats itself does, are left out where those outvote them
+the positions (:mod:`toposeam.layers.registration.pose_graph`), with the first layer fixed. Pairs that
+contradict the others, as those of layers that repeat themselves, are left out where the others outvote them
 (:mod:`toposeam.layers.registration.consensus`). Layers are moved by whole pixels and not resampled, turned or
 warped.
 """
@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import combinations
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -28,25 +28,23 @@ from toposeam.errors import OverlapError
 from toposeam.images import as_float
 from toposeam.layers.canvas.layer import Box, Layer, check_layers, cut
 from toposeam.layers.execution.tasks import Executor, check_executor, results
-from toposeam.layers.labelling.problem import Pair
-from toposeam.layers.registration.consensus import evidence_of, named_pairs, voted
-from toposeam.layers.registration.features import gray_of, reduced
-from toposeam.layers.registration.pair_matching import Match, groups
+from toposeam.layers.labelling.label_map import Pair
+from toposeam.layers.registration.consensus import evidence_of, vote
+from toposeam.layers.registration.features import CONTENT_BLUR, gray_of, reduced
+from toposeam.layers.registration.pair_matching import LEAST_CORRELATION, Match, groups
 from toposeam.layers.registration.pose_graph import least_squares
+from toposeam.layers.registration.refusals import named_pairs
 
-#: Farthest a layer is searched from where it was said to be, px in x and in y.
+#: Farthest that a layer is searched from its stated position, px in x and in y.
 RADIUS = 32
-#: Least correlation of two overlaps that are taken to show the same.
-LEAST_CORRELATION = 0.5
-
-_COARSE_PIXELS = 400_000  # compared at once
-_LOOKED_AT = 60_000  # to tell whether two layers show the same
-_LEAST_SHARE = 0.3  # of the smaller part, that two parts have to share
-_LEAST_PIXELS = 64
-_AGREE = 2.0  # px in x and in y that a pair may be off where the others place its layers
-_NEAR = 2  # px that phase correlation may be off
-_PLAIN = 0.01  # of full scale: what varies less shows nothing beside something plain
-_BLUR = 8.0  # px; slower changes are exposure, not content
+#: Pixels of an overlap that are compared at once, and those from which its correlation is computed.
+_COMPARED_PIXELS, _CORRELATED_PIXELS = 400_000, 60_000
+#: Least share of the smaller part that two parts have in common, and least number of pixels.
+_LEAST_SHARE, _LEAST_PIXELS = 0.3, 64
+#: Largest error of phase correlation, px in x and in y, and so of a pair where the others place its layers.
+_LARGEST_ERROR = 2
+#: Least standard deviation, of full scale, of a part that shows something beside a plain one.
+_LEAST_DEVIATION = 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -71,6 +69,10 @@ class Aligned:
     def __repr__(self) -> str:
         most = int(np.abs(self.shifts).max(initial=0))
         return f"Aligned({len(self.layers)} layers, moved by up to {most} px)"
+
+
+#: (2,) shift in x and y, px, its correlation, and its evidence.
+_Shift: TypeAlias = tuple[Floats, float, float]
 
 
 def align(layers: Sequence[Layer], *, radius: int = RADIUS, executor: Executor | None = None) -> Aligned:
@@ -108,7 +110,7 @@ def align(layers: Sequence[Layer], *, radius: int = RADIUS, executor: Executor |
     radius = check_whole("radius", radius, 1)
     check_executor(executor)
     layers = check_layers(layers)
-    found: dict[Pair, tuple[Floats, float, float]] = {}
+    found: dict[Pair, _Shift] = {}
     best: dict[int, float] = dict.fromkeys(range(len(layers)), -1.0)
     pairs = [
         (i, j)
@@ -119,12 +121,12 @@ def align(layers: Sequence[Layer], *, radius: int = RADIUS, executor: Executor |
     for (i, j), match in zip(pairs, results(executor, _match, items), strict=True):
         if match is None:
             continue
-        shift, correlation, told = match
+        shift, correlation, evidence = match
         best[i], best[j] = max(best[i], correlation), max(best[j], correlation)
         if correlation >= LEAST_CORRELATION:
-            found[i, j] = shift, correlation, told
+            found[i, j] = shift, correlation, evidence
     _check_joined(layers, found, best, radius)
-    positions, found = _agreed([layer.name for layer in layers], found)
+    positions, found = _vote_on_shifts([layer.name for layer in layers], found)
     shifts = np.rint(positions).astype(np.intp)
     moved = [
         dataclasses.replace(layer, at=(int(layer.at[0] + dx), int(layer.at[1] + dy)))
@@ -138,8 +140,7 @@ def align(layers: Sequence[Layer], *, radius: int = RADIUS, executor: Executor |
 
 
 def correlations(layers: Sequence[Layer], *, executor: Executor | None = None) -> dict[Pair, float]:
-    """How alike two layers are where they overlap, without their slow changes: 1 for the same, about 0 for
-    strangers.
+    """Correlate layers where they overlap, without their slow changes.
 
     Parameters
     ----------
@@ -151,8 +152,8 @@ def correlations(layers: Sequence[Layer], *, executor: Executor | None = None) -
     Returns
     -------
     dict of (int, int) to float
-        By pair; 0 where only one of the two shows something, as beside a white picture. Pairs of which too
-        little overlaps, or neither shows anything, are left out.
+        By pair: 1 for the same, about 0 for unrelated layers, 0 where one of the two is plain. Pairs of which
+        too little overlaps, or both are plain, are left out.
 
     Examples
     --------
@@ -167,7 +168,8 @@ def correlations(layers: Sequence[Layer], *, executor: Executor | None = None) -
         (i, j)
         for i in range(len(layers))
         for j in range(i + 1, len(layers))
-        if np.prod(_middle(_place(layers[i]).shared(_place(layers[j])), _LOOKED_AT).shape) >= _LEAST_PIXELS
+        if np.prod(_middle(_place(layers[i]).shared(_place(layers[j])), _CORRELATED_PIXELS).shape)
+        >= _LEAST_PIXELS
     ]
     items = [(layers[i], layers[j]) for i, j in pairs]
     found = zip(pairs, results(executor, _correlation, items), strict=True)
@@ -175,7 +177,8 @@ def correlations(layers: Sequence[Layer], *, executor: Executor | None = None) -
 
 
 def _correlation(layers: tuple[Layer, Layer]) -> float | None:
-    box = _middle(_place(layers[0]).shared(_place(layers[1])), _LOOKED_AT)
+    """Correlate two layers; None where too little overlaps or both are plain."""
+    box = _middle(_place(layers[0]).shared(_place(layers[1])), _CORRELATED_PIXELS)
     parts = [_content(layer, _place(layer), box) for layer in layers]
     both = parts[0][1] & parts[1][1]
     one, other = (part[0][both] for part in parts)
@@ -183,13 +186,13 @@ def _correlation(layers: tuple[Layer, Layer]) -> float | None:
     if np.count_nonzero(both) < _LEAST_PIXELS:
         return None
     if energy <= 1e-8:  # at least one is plain
-        return 0.0 if max(one.std(), other.std()) > _PLAIN else None
+        return 0.0 if max(one.std(), other.std()) > _LEAST_DEVIATION else None
     return float(one @ other) / float(np.sqrt(energy))
 
 
 def _check_joined(
     layers: Sequence[Layer],
-    found: dict[Pair, tuple[Floats, float, float]],
+    found: dict[Pair, _Shift],
     best: dict[int, float],
     radius: int,
 ) -> None:
@@ -214,43 +217,41 @@ def _check_joined(
         )
 
 
-def _agreed(
-    names: list[str], found: dict[Pair, tuple[Floats, float, float]]
-) -> tuple[Floats, dict[Pair, tuple[Floats, float, float]]]:
-    """(N, 2) shifts that all pairs but those that are outvoted agree to, and the pairs that agree.
+def _vote_on_shifts(names: list[str], found: dict[Pair, _Shift]) -> tuple[Floats, dict[Pair, _Shift]]:
+    """Find the (N, 2) shifts on which all pairs agree but those that are outvoted, and the pairs that agree.
 
     Raises
     ------
     OverlapError
-        When more than these contradict each other.
+        When pairs contradict the others that these do not outvote.
     """
     matches = {
-        pair: Match(shift[np.newaxis], np.zeros((1, 2)), correlation, uncertainty=told**-0.5)
-        for pair, (shift, correlation, told) in found.items()
+        pair: Match(shift[np.newaxis], np.zeros((1, 2)), correlation, uncertainty=evidence**-0.5)
+        for pair, (shift, correlation, evidence) in found.items()
     }
-    evidence = {pair: told for pair, (_, _, told) in found.items()}
-    solved = partial(least_squares, len(names), freedom="shift")
-    vote = voted(len(names), matches, evidence, solved, _AGREE, order=np.inf)
-    if vote.clear:
-        return vote.places.transforms[:, 2:], {pair: found[pair] for pair in vote.kept}
+    evidence = {pair: own for pair, (_, _, own) in found.items()}
+    solve = partial(least_squares, len(names), freedom="shift")
+    result = vote(len(names), matches, evidence, solve, _LARGEST_ERROR, order=np.inf)
+    if result.clear:
+        return result.places.transforms[:, 2:], {pair: found[pair] for pair in result.kept}
     raise OverlapError(
         "{names} agree where the other layers do not place them, up to {off} px off, and "
         "too little else shows which is right: what repeats itself agrees in several "
         "places; correct their positions and search less far, or leave out aligning",
         kind="ambiguous",
-        names=named_pairs(names, vote.wrong),
-        off=f"{max(vote.off.values()):.0f}",
+        names=named_pairs(names, result.wrong),
+        off=f"{max(result.distances.values()):.0f}",
     )
 
 
-def _match(item: tuple[Layer, Layer, int]) -> tuple[Floats, float, float] | None:
-    """By how much (x, y) the second of two layers that may overlap has to move to fit the first, at most so
-    many px, how well they then correlate, and how much that tells; None if they are apart.
+def _match(item: tuple[Layer, Layer, int]) -> _Shift | None:
+    """Find the shift of the second of two layers to where it fits the first, within a radius, px; None if
+    they do not overlap there.
     """
     a, b, radius = item
     at_a, at_b = _place(a), _place(b)
     box = at_a.shared(at_b.grown(radius)).grown(radius).shared(_around(at_a, at_b))
-    scale = max(1, int(np.ceil(np.sqrt(box.shape[0] * box.shape[1] / _COARSE_PIXELS))))
+    scale = max(1, int(np.ceil(np.sqrt(box.shape[0] * box.shape[1] / _COMPARED_PIXELS))))
     shift = _shift(_content(a, at_a, box, scale), _content(b, at_b, box, scale), radius / scale) * scale
     if scale > 1:
         overlap = _middle(at_a.shared(_moved(at_b, shift)))
@@ -259,27 +260,27 @@ def _match(item: tuple[Layer, Layer, int]) -> tuple[Floats, float, float] | None
         shift = shift + _shift(
             _content(a, at_a, overlap), _content(b, _moved(at_b, shift), overlap), 2 * scale
         )
-    shift, correlation, count = _refined(a, b, at_a, at_b, shift)
+    shift, correlation, count = _refine(a, b, at_a, at_b, shift)
     if np.abs(shift).max() > radius or count < _LEAST_PIXELS:
         return None
     return shift[::-1].astype(float), correlation, evidence_of(correlation, count)
 
 
-def _refined(
+def _refine(
     a: Layer, b: Layer, at_a: Box, at_b: Box, shift: npt.NDArray[np.intp]
 ) -> tuple[npt.NDArray[np.intp], float, int]:
-    """The shift of highest correlation within two pixels of one, that correlation, and the number of pixels
-    it is of.
+    """Find the shift of highest correlation within two pixels of a shift, that correlation, and the number
+    of pixels that were compared.
     """
-    box = _middle(at_a.shared(_moved(at_b, shift)).grown(-_NEAR))
+    box = _middle(at_a.shared(_moved(at_b, shift)).grown(-_LARGEST_ERROR))
     best = shift, -1.0, 0
     if not all(box.shape):
         return best
-    around = box.grown(_NEAR)
+    around = box.grown(_LARGEST_ERROR)
     first, second = _content(a, at_a, around), _content(b, _moved(at_b, shift), around)
     inner = box.within(around)
-    for y in range(-_NEAR, _NEAR + 1):
-        for x in range(-_NEAR, _NEAR + 1):
+    for y in range(-_LARGEST_ERROR, _LARGEST_ERROR + 1):
+        for x in range(-_LARGEST_ERROR, _LARGEST_ERROR + 1):
             there = _moved(box, np.array([-y, -x])).within(around)
             both = first[1][inner] & second[1][there]
             one, other = first[0][inner][both], second[0][there][both]
@@ -291,9 +292,7 @@ def _refined(
 
 
 def _shift(a: tuple[Floats, Mask], b: tuple[Floats, Mask], reach: float) -> npt.NDArray[np.intp]:
-    """By how many pixels (y, x) the second part has to move to fit the first; 0 where that is farther than it
-    may be.
-    """
+    """Find the shift, (y, x) px, of the second part to where it fits the first; 0 where it is too far."""
     from skimage.registration import phase_cross_correlation
 
     if min(np.count_nonzero(a[1]), np.count_nonzero(b[1])) < _LEAST_PIXELS or not (a[0].any() and b[0].any()):
@@ -318,8 +317,8 @@ def _around(a: Box, b: Box) -> Box:
     return Box(min(a.top, b.top), min(a.left, b.left), max(a.bottom, b.bottom), max(a.right, b.right))
 
 
-def _middle(box: Box, pixels: int = _COARSE_PIXELS) -> Box:
-    """As much of the middle of a box as is compared at once."""
+def _middle(box: Box, pixels: int = _COMPARED_PIXELS) -> Box:
+    """Return the middle of a box, as much of it as is compared at once."""
     side = int(np.sqrt(pixels))
     (height, width), rows, columns = box.shape, box.shape[0], box.shape[1]
     height, width = (
@@ -331,7 +330,7 @@ def _middle(box: Box, pixels: int = _COARSE_PIXELS) -> Box:
 
 
 def _content(layer: Layer, place: Box, box: Box, scale: int = 1) -> tuple[Floats, Mask]:
-    """What a layer shows in a box without its slow changes, in blocks of `scale` px, and where."""
+    """Return the content of a layer in a box without slow changes, in blocks of `scale` px, and a mask."""
     known = cut(layer.covered, place, box)
     image: Image = cut(layer.image, place, box)
     image[~known] = 0
@@ -339,6 +338,6 @@ def _content(layer: Layer, place: Box, box: Box, scale: int = 1) -> tuple[Floats
     if scale > 1:
         gray, known = reduced(gray, scale), reduced(known.astype(np.float32), scale) == 1
     gray[~known] = 0
-    weight = scipy.ndimage.gaussian_filter(known.astype(np.float64), _BLUR)
-    slow = scipy.ndimage.gaussian_filter(gray, _BLUR) / np.maximum(weight, 1e-6)
+    weight = scipy.ndimage.gaussian_filter(known.astype(np.float64), CONTENT_BLUR)
+    slow = scipy.ndimage.gaussian_filter(gray, CONTENT_BLUR) / np.maximum(weight, 1e-6)
     return np.where(known, gray - slow, 0.0), known

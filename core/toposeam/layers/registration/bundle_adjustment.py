@@ -1,71 +1,65 @@
-"""All pictures of a set adjusted at once to the points that pairs of them share.
+"""Adjust all pictures of a set at once to the points that pairs of them share.
 
 Each picture i has a matrix G_i that takes its pixels (x, y, 1), counted from its centre and free of
 distortion, to the scene: a homography to a common plane, or R_i diag(1/f_i, 1/f_i, 1), the rays of a camera
-that turns about one point; f_i is the same of all pictures unless some show things clearly larger than others
-do. A point p of picture i is then seen at G_j⁻¹ G_i p in picture j; what is left to the point q where it was
-found is minimised with a Cauchy loss (Triggs et al. 2000, doi:10.1007/3-540-44480-7_21).
+that turns about one point; f_i is the same for all pictures unless some show things clearly larger than
+others do. A point p of picture i appears at G_j⁻¹ G_i p in picture j; its distances from the points q where
+it was found are minimised with a Cauchy loss (Triggs et al. 2000, doi:10.1007/3-540-44480-7_21).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias
+from dataclasses import dataclass, field, replace
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree, shortest_path
 
-from toposeam.arrays import Floats
+from toposeam.arrays import Floats, Indices, Mask
 from toposeam.layers.canvas.transforms import undistorted
-from toposeam.layers.labelling.problem import Pair
+from toposeam.layers.labelling.label_map import Pair
 from toposeam.layers.registration.consensus import evidence_of
 from toposeam.layers.registration.homography import applied, areas
 from toposeam.layers.registration.pair_matching import Match
+from toposeam.layers.registration.placement import Family
 
-Family: TypeAlias = Literal["plane", "rotation"]
-
-#: Focal lengths that are tried where nobody says one, as shares of the larger side: wide, usual, long.
+#: Focal lengths that are tried where none is stated, as shares of the larger side: wide, usual, long.
 _FOCALS = (0.8, 1.2, 2.5)
-#: A focal length is within this many per cent of what is said, and of what is usual, one standard deviation.
-_SAID, _USUAL = 0.05, 0.6
+#: One standard deviation of the logarithm of the focal length about a stated one, and about the usual one.
+_STATED_DEVIATION, _USUAL_DEVIATION = 0.05, 0.6
 #: Points of a pair at most.
 _POINTS = 150
-#: A point that is off by so many times its uncertainty counts half as much; first all count.
-_SCALES = (30.0, 2.0)
+#: Two descents, in which all points count first, and then wrong ones little: the distance, in uncertainties,
+#: at which a point counts half; the share of the loss that a step has to take away for another one to follow;
+#: and the least curvature of a point's loss, as a share of its weight.
+_DESCENTS = ((30.0, 1e-5, 1.0), (2.0, 1e-6, 0.1))
+#: Steps of a descent at most.
 _STEPS = 60
-#: Steps end where one takes away less than this share of the loss: at the first scale, and at the last.
-_SETTLED = (1e-5, 1e-6)
-#: The curvature of the loss counts at least as this share of a point's weight, at both scales.
-_LEAST_CURVATURE = (1.0, 0.1)
-#: Step of difference quotients.
+#: Step of difference quotients, in the scaled unknowns.
 _STEP = 1e-6
-#: A distortion counts where it takes away this share of what is left, of a single pair more; larger ones are
-#: no lens.
-_DISTORTION_GAIN, _PAIR_GAIN, _LARGEST_DISTORTION = 0.04, 0.25, 0.2
-#: Logarithm of the scale between two pictures from which on they may have focal lengths of their own, which
-#: must take away this share of what is left.
-_ZOOM, _ZOOM_GAIN = 0.15, 0.25
-#: Beyond this many px a point is as wrong as any other.
-_CAP = 20.0
-#: This share of a pair's points may be wrong.
-_WRONG = 0.1
+#: Share of the loss that a distortion has to take away to be taken. A single pair has few points far from its
+#: middles, and focal lengths of single pictures are many unknowns: both have to take away the larger share.
+_DISTORTION_GAIN, _DOUBTFUL_GAIN = 0.04, 0.25
+#: Largest b of the distortion of a lens.
+_LARGEST_DISTORTION = 0.2
+#: Logarithm of the scale between two pictures from which on pictures may have focal lengths of their own.
+_ZOOM = 0.15
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Bundle:
     """Pictures adjusted to each other."""
 
+    #: The model: a plane, or a camera that rotates.
     family: Family
     #: Width and height of each picture, px.
     sizes: Floats
-    #: (N, 3, 3): centred pixels to the scene.
+    #: (N, 3, 3), from centred pixels to the scene.
     matrices: Floats
-    #: (N,) focal length of each picture, px, and b of Hugin's radial distortion; of a plane 1 and 0.
+    #: (N,) focal length of each picture, px, and b of Hugin's radial distortion; for a plane 1 and 0.
     focals: Floats
     distortion: float
     #: The picture in the middle of the set.
@@ -88,7 +82,7 @@ class Bundle:
 
     @property
     def field_of_view(self) -> float:
-        """Largest angle, degrees, between the rays of two corners of the pictures; of a camera."""
+        """Largest angle, degrees, between the rays of two corners of the pictures; for a camera."""
         corners = np.stack([self.sizes, self.sizes * [1, -1], -self.sizes, self.sizes * [-1, 1]], axis=1) / 2
         rays = np.append(corners, np.ones((*corners.shape[:2], 1)), axis=2) @ np.swapaxes(self.matrices, 1, 2)
         flat = rays.reshape(-1, 3) / np.linalg.norm(rays.reshape(-1, 3), axis=1, keepdims=True)
@@ -99,28 +93,38 @@ class Bundle:
         return int(self.sizes[index, 0]), int(self.sizes[index, 1])
 
     def between(self, start: int, end: int) -> Floats:
-        """(3, 3) from the centred pixels of one picture to those of another, both free of distortion."""
+        """Return the (3, 3) matrix from the centred pixels of a picture to those of another, without
+        distortion.
+        """
         return np.asarray(np.linalg.inv(self.matrices[end]) @ self.matrices[start])
 
     def ideal(self, index: int, points: Floats) -> Floats:
-        """(M, 2) centred points of a picture without the lens's distortion."""
+        """Centre points of a picture and undo the lens's distortion: (M, 2)."""
         return undistorted(points, self.size(index), self.lens)
 
-    def off(self, pair: Pair, match: Match) -> Floats:
-        """(M,) how far, px, the points of a pair lie apart."""
+    def distances(self, pair: Pair, match: Match) -> Floats:
+        """Compute the distances between the points of a pair: (M,) px."""
         i, j = pair
-        seen = applied(self.between(i, j), self.ideal(i, match.first)) - self.ideal(j, match.second)
-        return np.asarray(np.hypot(*seen.T))
+        mapped = applied(self.between(i, j), self.ideal(i, match.first))
+        return np.asarray(np.hypot(*(mapped - self.ideal(j, match.second)).T))
 
     def medians(self, matches: Mapping[Pair, Match]) -> dict[Pair, float]:
-        """How far, px, the points of each pair lie apart in the median."""
-        return {pair: float(np.median(self.off(pair, match))) for pair, match in matches.items()}
+        """Compute the median distance of each pair, px."""
+        return {pair: float(np.median(self.distances(pair, match))) for pair, match in matches.items()}
 
 
-def spanning_tree(
-    count: int, strengths: Mapping[Pair, float]
-) -> tuple[int, npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-    """Picture in the middle of the strongest tree, the order from there, and whom each one hangs on."""
+def spanning_tree(count: int, strengths: Mapping[Pair, float]) -> tuple[int, Indices, Indices]:
+    """Find the tree of the strongest pairs.
+
+    Returns
+    -------
+    middle : int
+        The picture in the middle of the tree.
+    order : (N,) int array
+        All pictures, from the middle on.
+    before : (N,) int array
+        The picture that comes before each one on its way from the middle.
+    """
     rows, columns = np.array(list(strengths), np.int32).T  # older scipy takes no others
     graph = csr_array((-np.array(list(strengths.values()), float), (rows, columns)), shape=(count, count))
     tree = minimum_spanning_tree(graph)
@@ -133,41 +137,41 @@ def spanning_tree(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Points:
-    """Points that pairs share: which two pictures, x and y in both, and a weight: the share of what both show
-    in common ÷ px of uncertainty.
-    """
+    """Points that pairs share."""
 
-    first: npt.NDArray[np.intp]
-    second: npt.NDArray[np.intp]
+    #: (K,) numbers of the two pictures.
+    first: Indices
+    second: Indices
+    #: (K, 2) x and y in both, px.
     p: Floats
     q: Floats
+    #: (K,) share of the features that agree ÷ px of uncertainty.
     weight: Floats
 
     @classmethod
     def of(cls, matches: Mapping[Pair, Match]) -> _Points:
+        """Draw points of each match, as many as count."""
         rng = np.random.default_rng(0)
         largest = max(match.share for match in matches.values())
         parts = []
         for (i, j), match in matches.items():
             chosen = np.sort(rng.permutation(len(match.first))[:_POINTS])
-            doubts = np.broadcast_to(match.uncertainty, len(match.first))[chosen]
-            some = np.ones(len(chosen))
+            uncertainty = np.broadcast_to(match.uncertainty, len(match.first))[chosen]
             parts.append(
                 (
-                    i * some,
-                    j * some,
+                    np.full(len(chosen), i),
+                    np.full(len(chosen), j),
                     match.first[chosen],
                     match.second[chosen],
-                    match.share / largest / doubts,
+                    match.share / largest / uncertainty,
                 )
             )
-        first, second, p, q, weight = (np.concatenate(column) for column in zip(*parts, strict=True))
-        return cls(first.astype(np.intp), second.astype(np.intp), p, q, weight)
+        return cls(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Problem:
-    """Residuals of a bundle and their derivatives, as functions of one vector of unknowns.
+    """Residuals of a bundle and their derivatives, as functions of a vector of unknowns.
 
     The first two unknowns are the logarithm of the focal length and the distortion; then come those of each
     picture, of which the middle one's are fixed: eight entries of a homography, or a vector along the axis
@@ -178,21 +182,25 @@ class _Problem:
     points: _Points
     family: Family
     middle: int
-    #: Focal length that is likely, px, and one standard deviation of its logarithm.
+    #: Likely focal length, px, and one standard deviation of its logarithm.
     focal: float
-    doubt: float
+    deviation: float
     #: Whether focal length and distortion are free.
     free_focal: bool
     free_distortion: bool
     #: Whether each picture has a focal length of its own.
     free_zoom: bool = False
+    #: Points free of the last distortion that was asked for.
+    _ideal: dict[float, tuple[Floats, Floats]] = field(init=False, repr=False, default_factory=dict)
 
     @property
     def each(self) -> int:
+        """Unknowns of a picture."""
         return 8 if self.family == "plane" else 4
 
     @property
-    def free(self) -> npt.NDArray[np.bool_]:
+    def free(self) -> Mask:
+        """The unknowns that are not fixed."""
         count = len(self.sizes)
         own = np.ones((count, self.each), bool)
         own[self.middle] = False
@@ -200,6 +208,7 @@ class _Problem:
         return np.concatenate([[self.free_focal, self.free_distortion], own.ravel()])
 
     def matrices(self, unknowns: Floats) -> Floats:
+        """Return the (N, 3, 3) matrices of a vector of unknowns."""
         own = unknowns[2:].reshape(len(self.sizes), -1)
         if self.family == "rotation":
             vectors = own[:, :3] * self._per_shift(float(unknowns[0]))
@@ -209,11 +218,11 @@ class _Problem:
         return np.asarray(np.concatenate([own, ones], axis=1).reshape(-1, 3, 3) @ self._normal)
 
     def focals(self, unknowns: Floats) -> Floats:
-        """(N,) focal lengths of the cameras, px."""
+        """Return the (N,) focal lengths of the cameras, px."""
         return np.asarray(np.exp(unknowns[0] + unknowns[5::4]))
 
     def _per_shift(self, log_focal: float) -> Floats:
-        """(3,) turns, rad, that move what is seen by half of the larger side; 1 about the optical axis."""
+        """Return the (3,) turns, rad, that move a picture by half its larger side; 1 about the axis."""
         shift = float(self.sizes.max()) / 2 * math.exp(-log_focal)
         return np.array([shift, shift, 1.0])
 
@@ -223,7 +232,7 @@ class _Problem:
         return np.diag([1 / half, 1 / half, 1.0])
 
     def unknowns(self, matrices: Floats, focals: Floats) -> Floats:
-        """The vector of unknowns of matrices and focal lengths."""
+        """Return the vector of unknowns of matrices and focal lengths."""
         focal = float(focals[self.middle])
         if self.family == "rotation":
             turns = matrices * _diagonals(focals)[:, np.newaxis]
@@ -236,37 +245,42 @@ class _Problem:
         return np.concatenate([[math.log(focal), 0.0], own.ravel()])
 
     def ideal(self, distortion: float) -> tuple[Floats, Floats]:
-        """Points of both pictures, centred and free of distortion."""
-        result = []
-        for index, points in ((self.points.first, self.points.p), (self.points.second, self.points.q)):
-            ideal = np.empty_like(points)
-            for size in {tuple(size) for size in self.sizes.tolist()}:
-                width, height = size
-                own = (self.sizes[index] == size).all(axis=1)
-                ideal[own] = undistorted(points[own], (int(width), int(height)), (0.0, distortion, 0.0))
-            result.append(ideal)
-        return result[0], result[1]
+        """Return the points of both pictures, centred and free of distortion.
+
+        They are kept until another distortion is asked for: most steps leave it as it is.
+        """
+        if distortion not in self._ideal:
+            points = self.points
+            drawn = np.concatenate([points.p, points.q])
+            sizes = self.sizes[np.concatenate([points.first, points.second])]
+            ideal = undistorted(drawn, sizes, (0.0, distortion, 0.0))
+            self._ideal.clear()
+            self._ideal[distortion] = ideal[: len(points.p)], ideal[len(points.p) :]
+        return self._ideal[distortion]
 
     def residuals(self, unknowns: Floats) -> Floats:
-        """(K + 1,): px ÷ the uncertainty of points, in x and y, and what is known of the focal length."""
-        seen, ideal, _ = self._seen(self.matrices(unknowns), float(unknowns[1]))
-        off = (seen[:, :2] / seen[:, 2:] - ideal) * self.points.weight[:, np.newaxis]
-        prior = (unknowns[0] - math.log(self.focal)) / self.doubt
-        return np.append(off.ravel(), prior if self.free_focal else 0.0)
+        """Compute the (2 K + 1,) residuals: distances of points in x and y ÷ their uncertainty, and the
+        deviation of the focal length from the likely one.
+        """
+        mapped, ideal, _ = self._mapped(self.matrices(unknowns), float(unknowns[1]))
+        distances = (mapped[:, :2] / mapped[:, 2:] - ideal) * self.points.weight[:, np.newaxis]
+        prior = (unknowns[0] - math.log(self.focal)) / self.deviation
+        return np.append(distances.ravel(), prior if self.free_focal else 0.0)
 
-    def _seen(self, matrices: Floats, distortion: float) -> tuple[Floats, Floats, Floats]:
+    def _mapped(self, matrices: Floats, distortion: float) -> tuple[Floats, Floats, Floats]:
+        """Map the first points to the second pictures, (K, 3), beside the ideal second and first points."""
         p, q = self.ideal(distortion)
         scene = np.einsum("kij,kj->ki", matrices[self.points.first], np.append(p, np.ones((len(p), 1)), 1))
-        seen = np.einsum("kij,kj->ki", np.linalg.inv(matrices)[self.points.second], scene)
-        # Behind the camera: far away, on a smooth way back.
-        seen[:, 2] = np.where(seen[:, 2] > 0.02, seen[:, 2], 0.02)
-        return seen, q, p
+        mapped = np.einsum("kij,kj->ki", np.linalg.inv(matrices)[self.points.second], scene)
+        # Points behind the camera come to lie far away, from where the loss leads back smoothly.
+        mapped[:, 2] = np.where(mapped[:, 2] > 0.02, mapped[:, 2], 0.02)
+        return mapped, q, p
 
     def jacobian(self, unknowns: Floats) -> csr_array:
-        """Derivatives of :meth:`residuals` by the free unknowns."""
+        """Compute the derivatives of :meth:`residuals` by the free unknowns."""
         points, each = self.points, self.each
         matrices, distortion = self.matrices(unknowns), float(unknowns[1])
-        seen, q, p = self._seen(matrices, distortion)
+        mapped, q, p = self._mapped(matrices, distortion)
         inverse = np.linalg.inv(matrices)[points.second]
         moving = 3 if self.family == "rotation" and not self.free_zoom else each
         # By the picture's own unknowns, and last by the focal length, which all share.
@@ -284,18 +298,18 @@ class _Problem:
         scene = np.append(p, np.ones((len(p), 1)), axis=1)
         moves = (
             np.einsum("kab,knbc,kc->kna", inverse, slopes[points.first], scene),
-            -np.einsum("kab,knbc,kc->kna", inverse, slopes[points.second], seen),
+            -np.einsum("kab,knbc,kc->kna", inverse, slopes[points.second], mapped),
         )
 
-        def drawn(move: Floats) -> Floats:
-            """(K, n, 2) px ÷ uncertainty, of moves of what is seen."""
-            slope = move[..., :2] - (seen[:, :2] / seen[:, 2:])[:, np.newaxis] * move[..., 2:]
-            return np.asarray(slope / seen[:, np.newaxis, 2:] * points.weight[:, np.newaxis, np.newaxis])
+        def projected(move: Floats) -> Floats:
+            """Project moves of mapped points: (K, n, 2) px ÷ uncertainty."""
+            slope = move[..., :2] - (mapped[:, :2] / mapped[:, 2:])[:, np.newaxis] * move[..., 2:]
+            return np.asarray(slope / mapped[:, np.newaxis, 2:] * points.weight[:, np.newaxis, np.newaxis])
 
         rows, columns, values = [], [], []
         numbers = np.arange(2 * len(p)).reshape(-1, 2)
         for index, move in zip((points.first, points.second), moves, strict=True):
-            slope = drawn(move)
+            slope = projected(move)
             own = 2 + each * index[:, np.newaxis] + np.arange(moving + 1)
             own[:, moving] = 0
             rows.append(np.broadcast_to(numbers[:, np.newaxis, :], slope.shape).ravel())
@@ -304,39 +318,39 @@ class _Problem:
         if self.free_distortion:
             bent_p, bent_q = self._bent(points.first, p, distortion), self._bent(points.second, q, distortion)
             between = (inverse @ matrices[points.first])[..., :2]
-            slope = drawn(np.einsum("kab,kb->ka", between, bent_p)[:, np.newaxis])[:, 0]
+            slope = projected(np.einsum("kab,kb->ka", between, bent_p)[:, np.newaxis])[:, 0]
             values.append((slope - bent_q * points.weight[:, np.newaxis]).ravel())
             rows.append(numbers.ravel())
             columns.append(np.ones(numbers.size, int))
         rows.append(np.array([2 * len(p)]))
         columns.append(np.array([0]))
-        values.append(np.array([1 / self.doubt]))
+        values.append(np.array([1 / self.deviation]))
         entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
         whole_matrix = csr_array(entries, shape=(2 * len(p) + 1, len(unknowns)))
         return whole_matrix[:, np.flatnonzero(self.free)]
 
-    def _bent(self, index: npt.NDArray[np.intp], ideal: Floats, distortion: float) -> Floats:
-        """(K, 2) derivatives of points free of distortion b by b: r (b r² + 1 - b) stays as it is."""
+    def _bent(self, index: Indices, ideal: Floats, distortion: float) -> Floats:
+        """Compute the (K, 2) derivatives by b of points free of distortion b; r (b r² + 1 - b) stays."""
         square = np.square(ideal).sum(axis=1) / np.square(self.sizes.min(axis=1) / 2)[index]
         return np.asarray(ideal * ((1 - square) / (1 - distortion + 3 * distortion * square))[:, np.newaxis])
 
-    def solved(self, *starts: Floats) -> tuple[Floats, float]:
-        """Unknowns of least loss, and the loss, from the start that has the least at the first scale."""
-        first, last = zip(_SCALES, _SETTLED, _LEAST_CURVATURE, strict=True)
-        found = [self._descended(start, *first) for start in starts]
-        return self._descended(min(found, key=lambda one: one[1])[0], *last)
+    def minimise(self, *starts: Floats) -> tuple[Floats, float]:
+        """Find the unknowns of least loss, and the loss, from the start that is best after a descent."""
+        first, last = _DESCENTS
+        tried = [self._descend(start, *first) for start in starts]
+        return self._descend(min(tried, key=lambda one: one[1])[0], *last)
 
-    def _descended(self, start: Floats, scale: float, settled: float, least: float) -> tuple[Floats, float]:
-        """Unknowns of least loss Σ s² log(1 + r² ÷ s²) near a start, by the method of Levenberg and Marquardt
-        on equations that are weighted anew in each step.
+    def _descend(self, start: Floats, scale: float, settled: float, least: float) -> tuple[Floats, float]:
+        """Find the unknowns of least loss Σ s² log(1 + r² ÷ s²) near a start, by the method of Levenberg and
+        Marquardt on equations that are weighted anew in each step; see :data:`_DESCENTS`.
         """
 
-        def lost(unknowns: Floats) -> tuple[Floats, float]:
+        def loss_of(unknowns: Floats) -> tuple[Floats, float]:
             residuals = self.residuals(unknowns)
             return residuals, float(scale**2 * np.log1p(np.square(residuals / scale)).sum())
 
         where, unknowns, damping = np.flatnonzero(self.free), start, 1e-3
-        residuals, loss = lost(unknowns)
+        residuals, loss = loss_of(unknowns)
         for _ in range(_STEPS):
             jacobian = self.jacobian(unknowns)
             far = np.square(residuals / scale)
@@ -352,7 +366,7 @@ class _Problem:
                 )
                 moved = unknowns.copy()
                 moved[where] += step
-                new_residuals, new_loss = lost(moved)
+                new_residuals, new_loss = loss_of(moved)
                 if new_loss < loss:
                     unknowns, residuals, loss = moved, new_residuals, new_loss
                     damping = max(damping / 5, 1e-9)
@@ -371,9 +385,9 @@ def adjust_plane(sizes: Floats, matches: Mapping[Pair, Match], start: Bundle | N
     sizes : (N, 2) float array
         Width and height of each picture, px.
     matches : mapping from pairs to Match
-        Which join all pictures, with the homography of each.
+        They join all pictures, and have the homography of each pair.
     start : Bundle, optional
-        By default along the tree of the strongest matches.
+        By default homographies along the tree of the strongest matches.
     """
     if start is None:
         middle, order, before = spanning_tree(len(sizes), strengths_of(matches))
@@ -385,7 +399,7 @@ def adjust_plane(sizes: Floats, matches: Mapping[Pair, Match], start: Bundle | N
         middle, matrices = start.middle, start.matrices
     problem = _Problem(sizes, _Points.of(matches), "plane", middle, 1.0, 1.0, False, False)
     flat = np.ones(len(sizes))
-    unknowns, _ = problem.solved(problem.unknowns(matrices, flat))
+    unknowns, _ = problem.minimise(problem.unknowns(matrices, flat))
     return Bundle(
         family="plane",
         sizes=sizes,
@@ -412,21 +426,21 @@ def adjust_cameras(
     sizes : (N, 2) float array
         Width and height of each picture, px.
     matches : mapping from pairs to Match
-        Which join all pictures, with the homography of each.
+        They join all pictures, and have the homography of each pair.
     focal : float, optional
-        px, about.
+        About, px.
     fixed : bool
-        The focal length is just that.
+        Whether the focal length is exactly that.
     distortion : float, optional
         b of the lens; by default found where the pictures show one.
     start : Bundle, optional
-        By default along the tree of the strongest matches, with several focal lengths.
+        By default cameras along the tree of the strongest matches, with several focal lengths.
     """
     middle, order, before = spanning_tree(len(sizes), strengths_of(matches))
-    usual = 1.2 * float(sizes.max())
+    usual = _FOCALS[1] * float(sizes.max())
     points = _Points.of(matches)
-    likely, doubt = (usual, _USUAL) if focal is None else (focal, _SAID)
-    problem = _Problem(sizes, points, "rotation", middle, likely, doubt, not fixed, False)
+    likely, deviation = (usual, _USUAL_DEVIATION) if focal is None else (focal, _STATED_DEVIATION)
+    problem = _Problem(sizes, points, "rotation", middle, likely, deviation, not fixed, False)
     if start is not None:
         problem = replace(problem, middle=start.middle)
         beginnings = [problem.unknowns(start.matrices, start.focals)]
@@ -435,22 +449,22 @@ def adjust_cameras(
     else:
         guesses = [focal] if focal is not None else _likely_focals(sizes, matches)
         same = np.ones(len(sizes))
-        beginnings = [_chained(problem, matches, guess * same, order, before) for guess in guesses]
-    unknowns, loss = problem.solved(*beginnings)
+        beginnings = [_chain_cameras(problem, matches, guess * same, order, before) for guess in guesses]
+    unknowns, loss = problem.minimise(*beginnings)
     if start is None:
         zooms = _zooms(sizes, matches, order, before)
         if np.ptp(np.log(zooms)) > _ZOOM and not fixed:
             zoomed = replace(problem, free_zoom=True)
-            beginnings = [_chained(zoomed, matches, guess * zooms, order, before) for guess in guesses]
-            own, other = zoomed.solved(*beginnings)
-            if other < (1 - _ZOOM_GAIN) * loss:
+            beginnings = [_chain_cameras(zoomed, matches, guess * zooms, order, before) for guess in guesses]
+            own, other = zoomed.minimise(*beginnings)
+            if other < (1 - _DOUBTFUL_GAIN) * loss:
                 problem, unknowns, loss = zoomed, own, other
     if distortion is not None:
         unknowns[1] = distortion
-        unknowns, loss = problem.solved(unknowns)
+        unknowns, loss = problem.minimise(unknowns)
     else:
-        bent, other = replace(problem, free_distortion=True).solved(unknowns)
-        gain = _DISTORTION_GAIN if len(sizes) > 2 else _PAIR_GAIN
+        bent, other = replace(problem, free_distortion=True).minimise(unknowns)
+        gain = _DISTORTION_GAIN if len(sizes) > 2 else _DOUBTFUL_GAIN
         if abs(bent[1]) < _LARGEST_DISTORTION and other < (1 - gain) * loss:
             unknowns = bent
     return Bundle(
@@ -463,14 +477,14 @@ def adjust_cameras(
     )
 
 
-def _chained(
+def _chain_cameras(
     problem: _Problem,
     matches: Mapping[Pair, Match],
     focals: Floats,
-    order: npt.NDArray[np.intp],
-    before: npt.NDArray[np.intp],
+    order: Indices,
+    before: Indices,
 ) -> Floats:
-    """Unknowns of cameras with these focal lengths, one after another along a tree."""
+    """Return the unknowns of cameras with these focal lengths, turned one after another along a tree."""
     turns = np.tile(np.eye(3), (len(focals), 1, 1))
     lenses = _diagonals(1 / focals)
     for index in order[1:]:
@@ -481,14 +495,12 @@ def _chained(
 
 
 def _diagonals(values: Floats) -> Floats:
-    """(N, 3): each value twice and 1."""
+    """Return each value twice and 1: (N, 3)."""
     return np.stack([values, values, np.ones_like(values)], axis=1)
 
 
-def _zooms(
-    sizes: Floats, matches: Mapping[Pair, Match], order: npt.NDArray[np.intp], before: npt.NDArray[np.intp]
-) -> Floats:
-    """(N,) about how many times larger each picture shows things than that in the middle, along a tree.
+def _zooms(sizes: Floats, matches: Mapping[Pair, Match], order: Indices, before: Indices) -> Floats:
+    """Estimate the scale of each picture beside that in the middle, along a tree: (N,).
 
     A camera that only turns enlarges nothing in the middle between two pictures; the mean over the points
     that both show is near to that.
@@ -506,12 +518,12 @@ def _zooms(
 
 
 def strengths_of(matches: Mapping[Pair, Match]) -> dict[Pair, float]:
-    """How much each pair tells."""
+    """Compute the evidence of each pair."""
     return {pair: evidence_of(match.share, match.features) for pair, match in matches.items()}
 
 
 def _centred(matches: Mapping[Pair, Match], sizes: Floats, one: int, other: int) -> Floats:
-    """(3, 3) homography from the centred pixels of one picture, `other`, to those of another."""
+    """Return the (3, 3) homography from the centred pixels of picture `other` to those of picture `one`."""
     matrix = matches[one, other].matrix if (one, other) in matches else matches[other, one].matrix
     if (one, other) not in matches:
         matrix = np.asarray(np.linalg.inv(matrix), float)
@@ -522,17 +534,18 @@ def _centred(matches: Mapping[Pair, Match], sizes: Floats, one: int, other: int)
 
 
 def _nearest_turn(matrix: Floats) -> Floats:
+    """Return the rotation that is nearest to a (3, 3) matrix."""
     left, _, right = np.linalg.svd(matrix)
     turn = left @ right
     return np.asarray(turn * np.sign(np.linalg.det(turn)))
 
 
 def _likely_focals(sizes: Floats, matches: Mapping[Pair, Match]) -> list[float]:
-    """Focal lengths, px, that the homographies of pairs say, and usual ones (Szeliski and Shum 1997,
+    """List the median focal length, px, of the pairs' homographies, and usual ones (Szeliski and Shum 1997,
     doi:10.1145/258734.258861).
     """
     side = float(sizes.max())
-    said: list[float] = []
+    estimates: list[float] = []
     for i, j in matches:
         matrix = _centred(matches, sizes, i, j)
         for h in (matrix, np.linalg.inv(matrix)):
@@ -542,19 +555,36 @@ def _likely_focals(sizes: Floats, matches: Mapping[Pair, Match]) -> list[float]:
                 (h[0, 0] ** 2 + h[1, 0] ** 2 - h[0, 1] ** 2 - h[1, 1] ** 2, h[2, 1] ** 2 - h[2, 0] ** 2),
             ):
                 if abs(below) > 1e-12 and 0.4 * side < (value := math.sqrt(max(above / below, 0))) < 8 * side:
-                    said.append(value)
-    middle = [float(np.median(said))] if said else []
-    return [*middle, *(share * side for share in _FOCALS)]
+                    estimates.append(value)
+    median = [float(np.median(estimates))] if estimates else []
+    return [*median, *(share * side for share in _FOCALS)]
 
 
-def left_over(bundle: Bundle, matches: Mapping[Pair, Match], pairs: Collection[Pair] | None = None) -> float:
-    """Root of the mean square of what is left, px, each at most `_CAP`, all pairs alike.
+def left_over(
+    bundle: Bundle,
+    matches: Mapping[Pair, Match],
+    pairs: Collection[Pair] | None = None,
+    *,
+    largest: float = 20.0,
+    wrong: float = 0.1,
+) -> float:
+    """Compute the root of the mean square distance of points, px; all pairs count alike.
 
-    The farthest `_WRONG` of a pair's points do not count: a model with more unknowns bends to a wrong one.
+    Parameters
+    ----------
+    bundle : Bundle
+    matches : mapping from pairs to Match
+    pairs : collection of pairs, optional
+        Those of the matches that count; by default all.
+    largest : float
+        Larger distances, px, count like this one.
+    wrong : float
+        Share of a pair's points, the farthest ones, that do not count: a model with more unknowns bends to
+        wrong points.
     """
     parts: list[float] = []
     for pair in matches if pairs is None else pairs:
-        off = np.sort(bundle.off(pair, matches[pair]))
-        nearest = off[: math.ceil((1 - _WRONG) * len(off))]
-        parts.append(float(np.mean(np.minimum(nearest, _CAP) ** 2)))
+        distances = np.sort(bundle.distances(pair, matches[pair]))
+        nearest = distances[: math.ceil((1 - wrong) * len(distances))]
+        parts.append(float(np.mean(np.minimum(nearest, largest) ** 2)))
     return math.sqrt(float(np.mean(parts)))

@@ -1,4 +1,4 @@
-"""Points that somebody marked in two pictures, in place of features."""
+"""Match pairs of pictures by points that the user gave, in place of features."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ import numpy as np
 
 from toposeam.checks import check_kind, check_numbers
 from toposeam.errors import OptionError
-from toposeam.layers.labelling.problem import Pair
+from toposeam.layers.labelling.label_map import Pair
 from toposeam.layers.registration.homography import least_squares_homography
 from toposeam.layers.registration.pair_matching import Match
 
-#: A homography has eight unknowns.
+#: Points of a pair: a homography has eight unknowns.
 LEAST_POINTS = 4
-#: One standard deviation of a point, px, and how many features a pair that somebody marked counts for.
-_BY_HAND, _EVIDENCE = 1.0, 200
+#: One standard deviation of a given point, px, and the features that a pair with given points counts for.
+_POINT_DEVIATION, _FEATURES = 1.0, 200
 
 
 def matches_of(points: Mapping[Pair, Any], sizes: Sequence[tuple[int, int]]) -> dict[Pair, Match]:
-    """Compute the matches of pairs of which somebody gave points.
+    """Match the pairs whose points the user gave.
 
     Parameters
     ----------
@@ -72,13 +72,14 @@ def matches_of(points: Mapping[Pair, Any], sizes: Sequence[tuple[int, int]]) -> 
             second,
             math.nan,
             matrix=least_squares_homography(first, second),
-            features=_EVIDENCE,
-            uncertainty=_BY_HAND,
+            features=_FEATURES,
+            uncertainty=_POINT_DEVIATION,
         )
     return matches
 
 
 def _checked_pair(pair: Any, count: int) -> Pair:
+    """Return a pair of two different numbers of pictures, or refuse it."""
     whole = isinstance(pair, tuple) and len(pair) == 2 and all(isinstance(one, int) for one in pair)
     if not whole or pair[0] == pair[1] or not all(0 <= one < count for one in pair):
         raise OptionError(

@@ -1,4 +1,4 @@
-"""Homographies between two pictures, from features that match: RANSAC, and the test of Brown and Lowe."""
+"""Find the homography of two pictures from features that match: RANSAC, and the test of Brown and Lowe."""
 
 from __future__ import annotations
 
@@ -8,25 +8,24 @@ import numpy as np
 
 from toposeam.arrays import Floats, Mask
 
-#: Trials of RANSAC at least and at most, those of a batch, and how sure it shall be to draw inliers only.
-_TRIALS, _BATCH, _SURE = (1000, 2000), 250, 0.999
-#: The best of a batch, which are fitted to all that agree: with parallax many homographies do about as well.
+#: Trials of RANSAC at least and at most, trials of a batch, and the probability of having drawn inliers only.
+_TRIALS, _BATCH, _CONFIDENCE = (1000, 2000), 250, 0.999
+#: Best homographies of a batch that are fitted to all that agree: with parallax many do about as well.
 _LEADERS = 2
 #: Fits of a homography to all that agree, at most.
 _FITS = 6
-_LEAST_MATCHES = 8
-#: Inliers that a pair needs: so many, and this share of all matches in the overlap (Brown and Lowe 2007,
-#: doi:10.1007/s11263-006-0002-3, equation 13).
-_LEAST, _SHARE = 8, 0.22
-#: Pictures of one scene are not scaled by more than so many times, nor turned into a line.
+#: A pair is verified by more inliers than the number plus the share of all matches in the overlap (Brown and
+#: Lowe 2007, doi:10.1007/s11263-006-0002-3, equation 13).
+_LEAST_INLIERS, _LEAST_INLIER_SHARE = 8, 0.22
+#: Largest scale between two pictures of one scene.
 _LARGEST_SCALE = 4.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Homography:
-    """What the features of two pictures say."""
+    """The homography of two pictures, and the matches that agree."""
 
-    #: (3, 3): points of the second picture lie at these of the first.
+    #: (3, 3): takes points of the second picture to the first.
     matrix: Floats
     #: (M,) bool: the matches that agree.
     inliers: Mask
@@ -35,8 +34,8 @@ class Homography:
 
     @property
     def verified(self) -> bool:
-        """Whether so many matches agree as wrong pairs do not have by chance."""
-        return int(self.inliers.sum()) > _LEAST + _SHARE * self.overlap
+        """Whether more matches agree than those of wrong pairs do by chance."""
+        return int(self.inliers.sum()) > _LEAST_INLIERS + _LEAST_INLIER_SHARE * self.overlap
 
 
 def applied(matrix: Floats, points: Floats) -> Floats:
@@ -68,7 +67,7 @@ def find_homography(
     Homography or None
         None where no homography of two pictures of one scene is found.
     """
-    if len(first) < _LEAST_MATCHES:
+    if len(first) < _LEAST_INLIERS:
         return None
     norms = [_normalising(points) for points in (first, second)]
     a, b = (applied(norm, points) for norm, points in zip(norms, (first, second), strict=True))
@@ -85,9 +84,10 @@ def find_homography(
 
 
 def _most_inliers(a: Floats, b: Floats, near: float) -> Mask | None:
-    """The matches that agree to the best of the homographies through four matches each; the best ones of
-    each batch are fitted to all that agree (LO-RANSAC; Chum, Matas and Kittler 2003). Fewer than verify a
-    pair are not looked for.
+    """Find the matches that agree with the best homography through four matches.
+
+    The best ones of each batch are fitted to all that agree (LO-RANSAC; Chum, Matas and Kittler 2003). The
+    search ends as if there were at least as many inliers as verify a pair.
     """
     rng = np.random.default_rng(0)
     best = np.zeros(len(a), bool)
@@ -96,19 +96,19 @@ def _most_inliers(a: Floats, b: Floats, near: float) -> Mask | None:
         chosen = rng.integers(len(a), size=(_BATCH, 4))  # of which the same twice is singular
         agree = _squares_off(_through_four(a[chosen], b[chosen]), a, b) < near
         for leader in agree[np.argsort(-agree.sum(axis=1), kind="stable")[:_LEADERS]]:
-            fitted = _fitted_again(a, b, leader, near)
+            fitted = _refit(a, b, leader, near)
             if fitted.sum() > best.sum():
                 best = fitted
-        missed = 1 - (max(int(best.sum()), _LEAST) / len(a)) ** 4
-        if trials >= least and missed**trials < 1 - _SURE:
+        missed = 1 - (max(int(best.sum()), _LEAST_INLIERS) / len(a)) ** 4
+        if trials >= least and missed**trials < 1 - _CONFIDENCE:
             break
-    return best if best.sum() >= _LEAST_MATCHES else None
+    return best if best.sum() >= _LEAST_INLIERS else None
 
 
-def _fitted_again(a: Floats, b: Floats, agreeing: Mask, near: float) -> Mask:
-    """The matches that agree to what fits the agreeing ones best, until these stay the same."""
+def _refit(a: Floats, b: Floats, agreeing: Mask, near: float) -> Mask:
+    """Fit a homography to the agreeing matches, find those that agree with it, until they stay the same."""
     for _ in range(_FITS):
-        if agreeing.sum() < _LEAST_MATCHES:
+        if agreeing.sum() < _LEAST_INLIERS:
             break
         before, agreeing = agreeing, _squares_off(_least_squares(a[agreeing], b[agreeing]), a, b) < near
         if (before == agreeing).all():
@@ -117,14 +117,14 @@ def _fitted_again(a: Floats, b: Floats, agreeing: Mask, near: float) -> Mask:
 
 
 def _squares_off(matrices: Floats, a: Floats, b: Floats) -> Floats:
-    """(..., M) squares of how far (..., 3, 3) homographies take points `b` from `a`."""
+    """Square the distances of points `a` from `b` mapped by (..., 3, 3) homographies: (..., M)."""
     x, y, w = np.moveaxis(matrices @ np.append(b, np.ones((len(b), 1)), axis=1).T, -2, 0)
     w = _not_zero(w)
     return np.asarray(np.square(x / w - a[:, 0]) + np.square(y / w - a[:, 1]))
 
 
 def least_squares_homography(a: Floats, b: Floats) -> Floats:
-    """(3, 3) homography that takes (M, 2) points `b` to about `a`."""
+    """Fit the (3, 3) homography that takes (M, 2) points `b` to about `a`."""
     norms = [_normalising(points) for points in (a, b)]
     normal = _least_squares(applied(norms[0], a), applied(norms[1], b))
     matrix = np.linalg.inv(norms[0]) @ normal @ norms[1]
@@ -132,7 +132,7 @@ def least_squares_homography(a: Floats, b: Floats) -> Floats:
 
 
 def _through_four(a: Floats, b: Floats) -> Floats:
-    """(K, 3, 3) homographies that take (K, 4, 2) points `b` to `a`; those that are singular are left out."""
+    """Solve for the (K, 3, 3) homographies that take (K, 4, 2) points `b` to `a`; leave out singular ones."""
     system = _equations(a, b)
     left, right = system[..., :8], -system[..., 8:]
     regular = np.abs(np.linalg.det(left)) > 1e-9
@@ -141,14 +141,14 @@ def _through_four(a: Floats, b: Floats) -> Floats:
 
 
 def _least_squares(a: Floats, b: Floats) -> Floats:
-    """(3, 3) homography that takes (M, 2) points `b` to about `a` (the direct linear transform)."""
+    """Fit a homography to (M, 2) points by the direct linear transform (:func:`least_squares_homography`)."""
     equations = _equations(a, b)
     matrix = np.linalg.eigh(equations.T @ equations)[1][:, 0].reshape(3, 3)
     return np.asarray(matrix / matrix[2, 2])
 
 
 def _equations(a: Floats, b: Floats) -> Floats:
-    """(..., 2 M, 9) equations for the entries of homographies."""
+    """Return the (..., 2 M, 9) equations for the entries of homographies."""
     (u, v), (x, y) = np.moveaxis(a, -1, 0), np.moveaxis(b, -1, 0)
     one, none = np.ones_like(x), np.zeros_like(x)
     return np.concatenate(
@@ -161,17 +161,17 @@ def _equations(a: Floats, b: Floats) -> Floats:
 
 
 def _normalising(points: Floats) -> Floats:
-    """(3, 3) shift and scale that take points to mean 0 and standard deviation 1."""
+    """Return the (3, 3) shift and scale that take points to mean 0 and standard deviation 1."""
     middle, scale = points.mean(axis=0), 1 / max(float(points.std()), 1e-6)
     return np.array([[scale, 0, -scale * middle[0]], [0, scale, -scale * middle[1]], [0, 0, 1]])
 
 
 def areas(matrix: Floats, points: Floats) -> Floats:
-    """(M,) how much a homography enlarges areas at points; negative where it mirrors."""
+    """Compute the factor by which a homography enlarges areas at points, (M,); negative where it mirrors."""
     w = points @ matrix[2, :2] + matrix[2, 2]
     return np.asarray(np.linalg.det(matrix) / w**3)
 
 
 def within(points: Floats, size: tuple[int, int]) -> Mask:
-    """(M,) whether points lie on a picture of that width and height."""
+    """Test which points lie on a picture of that width and height: (M,)."""
     return np.asarray(((points >= 0) & (points <= np.array(size) - 1)).all(axis=-1))

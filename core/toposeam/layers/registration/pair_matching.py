@@ -1,6 +1,4 @@
-"""Pairs of pictures that show the same: the features they share, and patches of their overlap laid exactly on
-each other.
-"""
+"""Match pairs of pictures: by the features they share, and by patches of their overlap laid on each other."""
 
 from __future__ import annotations
 
@@ -12,72 +10,82 @@ from itertools import combinations
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
+import scipy
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from toposeam.arrays import Floats
+from toposeam.arrays import Floats, Floats32, Indices
 from toposeam.heat.threads import one_thread
 from toposeam.layers.canvas.layer import Layer
-from toposeam.layers.canvas.transforms import PlaneTransform
+from toposeam.layers.canvas.transforms import PlaneTransform, Transform, reach
 from toposeam.layers.execution.tasks import Executor, results
-from toposeam.layers.labelling.problem import Pair
-from toposeam.layers.registration.features import Look, look_at, shared_features
+from toposeam.layers.labelling.label_map import Pair
+from toposeam.layers.registration.features import FeatureSet, describe_picture, shared_features
 from toposeam.layers.registration.homography import applied, find_homography, within
-from toposeam.layers.registration.patches import find_patches
 
-#: Farthest that pictures may be turned against each other, degrees, and scaled, as a share.
+#: Least correlation of two overlaps that are taken to show the same.
+LEAST_CORRELATION = 0.5
+#: Farthest that a similarity turns pictures against each other, degrees, and scales them, as a share.
 LARGEST_TURN, LARGEST_SCALE = 3.5, 0.035
-_LEAST_MATCHES = 5
-#: Features that a homography brings nearer than so many px of the reduced pictures agree to it; one standard
-#: deviation of those.
-_TOLERANCE, _FEATURES = 2.0, 0.5
-#: Two pictures that so many forests of pairs already join, no pair in two of them, are not tried: the pairs
-#: of 12 pictures that all show the same are tried, and of more pictures up to so many for each.
+#: Features that have to agree on a similarity.
+_LEAST_FEATURES = 5
+#: px of the reduced pictures within which a feature agrees with a transform, and one standard deviation of
+#: those that do.
+_TOLERANCE, _FEATURE_DEVIATION = 2.0, 0.5
+#: Forests of pairs, no pair in two of them, that have to join two pictures before their own pair is skipped:
+#: all pairs of 12 pictures that show the same are tried, and about this many for each of more pictures.
 _FORESTS = 6
-#: So many pairs are tried at once.
-_AT_ONCE = 64
+#: Pairs that an executor is given at once.
+_BATCH = 64
+#: Largest and least side of a patch, px of the detail.
+_PATCH_SIDE, _LEAST_PATCH_SIDE = 64, 16
+#: Least correlation of a patch that counts.
+_LEAST_PATCH_CORRELATION = 0.6
+#: Least ratio of how much a patch changes along its straightest direction to how much it changes across it.
+_LEAST_CORNER = 0.1
 
 Kind: TypeAlias = Literal["similarity", "homography"]
+#: Two pictures by the digests of what is compared of them.
+_Digests: TypeAlias = tuple[bytes, bytes]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Match:
     """Points of one picture and the same ones of another."""
 
+    #: (M, 2) x and y, px.
     first: Floats
     second: Floats
     #: Of the overlap; NaN where patches were not compared.
     correlation: float
-    #: Points of the second picture lie at these of the first, about: (3, 3).
+    #: (3, 3): takes points of the second picture to about where they are in the first.
     matrix: Floats = field(default_factory=lambda: np.eye(3))
-    #: Features that agree, and one standard deviation of each point or of all, px.
+    #: Features that agree, and their share of all features that a picture shows in the overlap.
     features: int = 0
-    #: These as a share of all that either picture shows in the overlap.
     share: float = 1.0
+    #: One standard deviation of each point, (M,), or of all, px.
     uncertainty: float | Floats = 1.0
 
 
-def groups(count: int, pairs: Iterable[Pair]) -> npt.NDArray[np.intp]:
-    """(N,) which group each of so many pictures is in, joined by pairs."""
+def groups(count: int, pairs: Iterable[Pair]) -> Indices:
+    """Label the groups of pictures that pairs join: (N,)."""
     i, j = np.array(list(pairs), np.intp).reshape(-1, 2).T
-    joined = csr_array((np.ones(len(i)), (i, j)), shape=(count, count))
-    return np.asarray(connected_components(joined, directed=False)[1], np.intp)
+    graph = csr_array((np.ones(len(i)), (i, j)), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1], np.intp)
 
 
 def _digest(picture: Layer) -> bytes:
-    """Of what is compared of a picture: equal pictures are looked at once."""
-    hashed = hashlib.sha256(repr((picture.image.shape, picture.image.dtype, picture.data_range)).encode())
-    hashed.update(np.ascontiguousarray(picture.image).data)
-    hashed.update(np.packbits(picture.covered).data)
-    return hashed.digest()
+    """Hash all of a picture that is compared: equal pictures are described once."""
+    digest = hashlib.sha256(repr((picture.image.shape, picture.image.dtype, picture.data_range)).encode())
+    digest.update(np.ascontiguousarray(picture.image).data)
+    digest.update(np.packbits(picture.covered).data)
+    return digest.digest()
 
 
-class Sightings:
-    """What pictures show and which features pairs of them share.
+class PairMatcher:
+    """Features of pictures, and the matches of pairs of them.
 
-    Which features two pictures share is cheap to tell and asked of all pairs. Equal pictures are looked at
-    once.
+    Shared features are cheap to find and known of all pairs. Equal pictures are described once.
 
     Parameters
     ----------
@@ -85,9 +93,9 @@ class Sightings:
     report : callable
         Called with the share of the work done, up to 0.5, and up to 0.9 by :meth:`matches`.
     executor : Executor, optional
-        Where pictures and pairs are looked at.
-    marked : mapping from pairs to Match, optional
-        Pairs of which somebody gave the points.
+        Where pictures are described and pairs are matched.
+    given : mapping from pairs to Match, optional
+        Pairs whose points the user gave.
     """
 
     def __init__(
@@ -95,101 +103,126 @@ class Sightings:
         pictures: Sequence[Layer],
         report: Callable[[float], None],
         executor: Executor | None = None,
-        marked: Mapping[Pair, Match] | None = None,
+        given: Mapping[Pair, Match] | None = None,
     ) -> None:
-        self._which = list(results(executor, _digest, pictures))
-        self._report, self._executor = report, executor
-        first = {digest: index for index, digest in reversed(list(enumerate(self._which)))}
-        different = sorted(set(self._which), key=lambda digest: first[digest])
-        self._seen: dict[bytes, Look] = {}
-        self._known: dict[Kind, dict[tuple[bytes, bytes], Match | None]] = {
-            "similarity": {},
-            "homography": {},
-        }
-        for look in results(executor, look_at, [pictures[first[digest]] for digest in different]):
-            self._seen[different[len(self._seen)]] = look
-            report(0.3 * len(self._seen) / len(different))
-        self.looks = [self._seen[digest] for digest in self._which]
-        pairs = list(combinations(range(len(self.looks)), 2))
-        which = self._which
-        self._shared = _shared(self._seen, ((which[i], which[j]) for i, j in pairs), report, executor)
-        marked = marked or {}
-        for (i, j), match in marked.items():
-            for known in self._known.values():
-                known[which[i], which[j]] = match
-        #: All pairs, those first that somebody marked, then those that share most.
-        self.pairs = sorted(pairs, key=lambda pair: (pair not in marked, -len(self.shared(pair))))
+        self.pictures, self.executor, self._report = pictures, executor, report
+        self._digests = list(results(executor, _digest, pictures))
+        first = {digest: index for index, digest in reversed(list(enumerate(self._digests)))}
+        different = sorted(first, key=lambda digest: first[digest])
+        self._described: dict[bytes, FeatureSet] = {}
+        self._tried: dict[Kind, dict[_Digests, Match | None]] = {"similarity": {}, "homography": {}}
+        described = results(executor, describe_picture, [pictures[first[digest]] for digest in different])
+        for digest, features in zip(different, described, strict=True):
+            self._described[digest] = features
+            report(0.3 * len(self._described) / len(different))
+        #: Of each picture.
+        self.features = [self._described[digest] for digest in self._digests]
+        pairs = list(combinations(range(len(self.features)), 2))
+        self._shared = _share_features(self._described, map(self._key, pairs), report, executor)
+        given = given or {}
+        for pair, match in given.items():
+            for tried in self._tried.values():
+                tried[self._key(pair)] = match
+        #: All pairs, those with given points first, then those that share most features.
+        self.pairs = sorted(pairs, key=lambda pair: (pair not in given, -len(self.shared(pair))))
 
-    def shared(self, pair: Pair) -> npt.NDArray[np.intp]:
-        """(M, 2) numbers of the features that a pair shares."""
-        return self._shared[self._which[pair[0]], self._which[pair[1]]]
+    @property
+    def names(self) -> list[str]:
+        """Names of the pictures."""
+        return [picture.name for picture in self.pictures]
+
+    def _key(self, pair: Pair) -> _Digests:
+        return self._digests[pair[0]], self._digests[pair[1]]
+
+    def shared(self, pair: Pair) -> Indices:
+        """Return the (M, 2) numbers of the features that a pair shares."""
+        return self._shared[self._key(pair)]
+
+    def most_shared(self) -> Indices:
+        """Count the features that each picture shares with the one that it shares most with: (N,)."""
+        most = np.zeros(len(self.features), np.intp)
+        for pair in self.pairs:
+            most[list(pair)] = np.maximum(most[list(pair)], len(self.shared(pair)))
+        return most
 
     def homographies(self, pairs: Sequence[Pair]) -> list[Match | None]:
-        """Features of each pair that a homography brings together; None where too few agree."""
-        keys = [(self._which[i], self._which[j]) for i, j in pairs]
-        known = self._known["homography"]
-        self._try("homography", dict.fromkeys(key for key in keys if key not in known))
-        return [known[key] for key in keys]
+        """Match pairs by homographies; None where too few features agree."""
+        keys = [self._key(pair) for pair in pairs]
+        tried = self._tried["homography"]
+        self._try("homography", dict.fromkeys(key for key in keys if key not in tried))
+        return [tried[key] for key in keys]
 
-    def _try(self, kind: Kind, keys: Iterable[tuple[bytes, bytes]]) -> None:
+    def _try(self, kind: Kind, keys: Iterable[_Digests]) -> None:
         """Match pairs of different pictures that are not matched yet."""
         keys = list(keys)
-        items = [(kind, self._seen[one], self._seen[other], self._shared[one, other]) for one, other in keys]
-        self._known[kind].update(zip(keys, results(self._executor, _matched, items), strict=True))
+        items = [
+            (kind, self._described[one], self._described[other], self._shared[one, other])
+            for one, other in keys
+        ]
+        self._tried[kind].update(zip(keys, results(self.executor, _match_pair, items), strict=True))
+
+    def _next_untried(self, kind: Kind, pairs: Sequence[Pair], trees: Indices) -> list[_Digests]:
+        """List the first pairs that are tried unless the matches found until then join them."""
+        keys: dict[_Digests, None] = {}
+        for i, j in pairs:
+            if (trees[:, i] != trees[:, j]).any() and self._key((i, j)) not in self._tried[kind]:
+                keys[self._key((i, j))] = None
+            if len(keys) >= _BATCH:
+                break
+        return list(keys)
 
     def matches(self, kind: Kind, least: float) -> tuple[dict[Pair, Match], Floats]:
-        """The pairs that show the same, and the best correlation of each picture.
-
-        Those that share most are tried first, and the rest only where they join what few others do.
+        """Match pairs, those that share most features first, the rest only where few others join them.
 
         Parameters
         ----------
         kind : {"similarity", "homography"}
-            What is to take one picture to the other.
+            The transform that takes one picture to the other.
         least : float
-            Correlation of pictures that show the same, where it is a similarity.
+            Least correlation of pictures that show the same, of a similarity.
+
+        Returns
+        -------
+        matches : dict of (int, int) to Match
+        best : (N,) array
+            The best correlation of each picture; -1 where none was found.
         """
-        which, known = self._which, self._known[kind]
+        count, tried = len(self.features), self._tried[kind]
         matches: dict[Pair, Match] = {}
-        best = np.full(len(which), -1.0)
-        trees = np.tile(np.arange(len(which)), (_FORESTS, 1))  # which tree each picture is in, per forest
-        for number, (i, j) in enumerate(self.pairs):
-            key, apart = (which[i], which[j]), np.flatnonzero(trees[:, i] != trees[:, j])
-            if len(apart):
-                if key not in known:
-                    # Elsewhere also the next ones that are tried unless what is found till then joins them.
-                    following: dict[tuple[bytes, bytes], None] = {}
-                    for k, n in self.pairs[number:] if self._executor is not None else [(i, j)]:
-                        if (trees[:, k] != trees[:, n]).any() and (which[k], which[n]) not in known:
-                            following[which[k], which[n]] = None
-                        if len(following) >= _AT_ONCE:
-                            break
-                    self._try(kind, following)
-                match = known[key]
+        best = np.full(count, -1.0)
+        trees = np.tile(np.arange(count), (_FORESTS, 1))  # the tree of each picture, by forest
+        for number, pair in enumerate(self.pairs):
+            i, j = pair
+            separate = np.flatnonzero(trees[:, i] != trees[:, j])
+            if len(separate):
+                if self._key(pair) not in tried:
+                    ahead = [pair] if self.executor is None else self.pairs[number:]
+                    self._try(kind, self._next_untried(kind, ahead, trees))
+                match = tried[self._key(pair)]
                 if match is not None:
                     best[[i, j]] = np.fmax(best[[i, j]], match.correlation)
                     if not match.correlation < least or kind == "homography":
-                        matches[i, j] = match
-                        tree = trees[apart[0]]
+                        matches[pair] = match
+                        tree = trees[separate[0]]
                         tree[tree == tree[j]] = tree[i]
             self._report(0.5 + 0.4 * (number + 1) / len(self.pairs))
         return dict(sorted(matches.items())), best
 
 
-def _shared(
-    seen: dict[bytes, Look],
-    pairs: Iterable[tuple[bytes, bytes]],
+def _share_features(
+    described: Mapping[bytes, FeatureSet],
+    pairs: Iterable[_Digests],
     report: Callable[[float], None],
     executor: Executor | None,
-) -> dict[tuple[bytes, bytes], npt.NDArray[np.intp]]:
-    """The features that pairs of pictures share; all pairs that a picture is the first of go together."""
+) -> dict[_Digests, Indices]:
+    """Find the features that pairs of pictures share; all pairs with the same first picture go together."""
     nothing = np.zeros((0, 0), np.float32)
-    bare = {digest: replace(look, detail=nothing, known=nothing > 0) for digest, look in seen.items()}
+    bare = {digest: replace(one, detail=nothing, known=nothing > 0) for digest, one in described.items()}
     seconds: dict[bytes, list[bytes]] = {}
     for one, other in dict.fromkeys(pairs):
         seconds.setdefault(one, []).append(other)
     count = sum(map(len, seconds.values()))
-    shared: dict[tuple[bytes, bytes], npt.NDArray[np.intp]] = {}
+    shared: dict[_Digests, Indices] = {}
     items = ((bare[one], [bare[other] for other in others]) for one, others in seconds.items())
     for one, found in zip(seconds, results(executor, _shared_with, items), strict=True):
         for other, numbers in zip(seconds[one], found, strict=True):
@@ -199,20 +232,32 @@ def _shared(
 
 
 @one_thread()
-def _shared_with(item: tuple[Look, Sequence[Look]]) -> list[npt.NDArray[np.intp]]:
+def _shared_with(item: tuple[FeatureSet, Sequence[FeatureSet]]) -> list[Indices]:
     one, others = item
     return [shared_features(one, other) for other in others]
 
 
 @one_thread()
-def _matched(item: tuple[Kind, Look, Look, npt.NDArray[np.intp]]) -> Match | None:
-    kind, a, b, found = item
-    return _match(a, b, found) if kind == "similarity" else match_homography(a, b, found)
+def _match_pair(item: tuple[Kind, FeatureSet, FeatureSet, Indices]) -> Match | None:
+    kind, a, b, shared = item
+    return _match_similarity(a, b, shared) if kind == "similarity" else match_homography(a, b, shared)
 
 
-def match_homography(a: Look, b: Look, found: npt.NDArray[np.intp]) -> Match | None:
-    """Features that both show and a homography brings together; None where too few agree."""
-    first, second = a.keypoints[found[:, 0]], b.keypoints[found[:, 1]]
+def match_homography(a: FeatureSet, b: FeatureSet, shared: Indices) -> Match | None:
+    """Match two pictures by the features that a homography brings together.
+
+    Parameters
+    ----------
+    a, b : FeatureSet
+    shared : (M, 2) int array
+        Numbers of the features that they share.
+
+    Returns
+    -------
+    Match or None
+        None where too few features agree.
+    """
+    first, second = a.keypoints[shared[:, 0]], b.keypoints[shared[:, 1]]
     sizes = (a.size, b.size)
     scale = float(max(a.scale, b.scale))
     homography = find_homography(first, second, sizes, _TOLERANCE * scale)
@@ -230,50 +275,154 @@ def match_homography(a: Look, b: Look, found: npt.NDArray[np.intp]) -> Match | N
         matrix=homography.matrix,
         features=int(inliers.sum()),
         share=float(inliers.sum()) / max(common, 1),
-        uncertainty=_FEATURES * scale,
+        uncertainty=_FEATURE_DEVIATION * scale,
     )
 
 
-def _match(a: Look, b: Look, found: npt.NDArray[np.intp]) -> Match | None:
-    """Points that both show, of (N, 2) numbers of shared features; None where they show nothing in common."""
+def _match_similarity(a: FeatureSet, b: FeatureSet, shared: Indices) -> Match | None:
+    """Match two pictures by patches that a similarity brings together; None where they show different things.
+
+    `shared` has the (M, 2) numbers of the features that they share.
+    """
     from skimage import measure, transform
 
     ransac: Any = measure.ransac  # carry no types
-    kind: Any = transform.SimilarityTransform
-    if len(found) < _LEAST_MATCHES or not _agree(a, b, found):
+    similarity: Any = transform.SimilarityTransform
+    if len(shared) < _LEAST_FEATURES or not _moved_alike(a, b, shared):
         return None
-    first, second = a.keypoints[found[:, 0]], b.keypoints[found[:, 1]]
     model, inliers = ransac(
-        (second, first),
-        kind,
+        (b.keypoints[shared[:, 1]], a.keypoints[shared[:, 0]]),
+        similarity,
         min_samples=2,
-        residual_threshold=2.0 * max(a.scale, b.scale),
+        residual_threshold=_TOLERANCE * max(a.scale, b.scale),
         max_trials=500,
         rng=0,
     )
-    if inliers is None or inliers.sum() < _LEAST_MATCHES or not np.isfinite(model.params).all():
+    if inliers is None or inliers.sum() < _LEAST_FEATURES or not np.isfinite(model.params).all():
         return None
     if abs(np.degrees(model.rotation)) > LARGEST_TURN or abs(model.scale - 1) > LARGEST_SCALE:
         return None
     matrix = np.asarray(model.params, float)
     match = None
-    for _ in range(2):  # from about where they belong to exactly
-        patches = find_patches(a, b, PlaneTransform(matrix))
-        if patches is None:
+    for _ in range(2):  # patches laid about where they belong, and then exactly
+        match = find_patches(a, b, PlaneTransform(matrix))
+        if match is None:
             return None
-        match = Match(patches.first, patches.second, patches.correlation)
         if len(match.first) >= 2:
-            better = kind.from_estimate(match.second, match.first)
+            better = similarity.from_estimate(match.second, match.first)
             if not better:
                 return None
             matrix = np.asarray(better.params, float)
     return match
 
 
-def _agree(a: Look, b: Look, found: npt.NDArray[np.intp]) -> bool:
-    """Whether enough features moved by about as much: no more apart than turn and scale may take them."""
-    moved = a.keypoints[found[:, 0]] - b.keypoints[found[:, 1]]
-    reach = (math.radians(LARGEST_TURN) + LARGEST_SCALE) * math.hypot(*b.detail.shape)
-    reach = 1.1 * reach + 8.0 * max(a.scale, b.scale)
-    near = (np.abs(moved[:, np.newaxis] - moved[np.newaxis]) <= reach).all(axis=2)
-    return bool(near.sum(axis=1).max() >= _LEAST_MATCHES)
+def _moved_alike(a: FeatureSet, b: FeatureSet, shared: Indices) -> bool:
+    """Test whether enough features moved alike, as far as the largest turn and scale allow."""
+    moves = a.keypoints[shared[:, 0]] - b.keypoints[shared[:, 1]]
+    farthest = (math.radians(LARGEST_TURN) + LARGEST_SCALE) * math.hypot(*b.detail.shape)
+    farthest = 1.1 * farthest + 8.0 * max(a.scale, b.scale)
+    alike = (np.abs(moves[:, np.newaxis] - moves[np.newaxis]) <= farthest).all(axis=2)
+    return bool(alike.sum(axis=1).max() >= _LEAST_FEATURES)
+
+
+def find_patches(a: FeatureSet, b: FeatureSet, transform: Transform, count: int = 6) -> Match | None:
+    """Lay patches of the overlap exactly on each other, by phase correlation.
+
+    Parameters
+    ----------
+    a, b : FeatureSet
+    transform : Transform
+        Takes points of `b` to about where they are in `a`, px.
+    count : int
+        Rows and columns of patches over the overlap.
+
+    Returns
+    -------
+    Match or None
+        Centres of the patches, none where fewer than two count, and the correlation of all. None where the
+        overlap is too small or shows nothing.
+    """
+    from skimage.registration import phase_cross_correlation
+
+    height, width = b.detail.shape
+    transform = _Reduced(transform, a.detail_scale, b.detail_scale)
+    reached = reach(transform, (width, height))
+    if reached is None:
+        return None
+    low = np.maximum(reached[0], 0)
+    high = np.minimum(reached[1], np.array(a.detail.shape[::-1]) - 1.0)
+    size = int(min(_PATCH_SIDE, *(0.7 * (high - low))))
+    if size < _LEAST_PATCH_SIDE:
+        return None
+    tops, lefts = (np.linspace(low[k], high[k] - size + 1, count).astype(int) for k in (1, 0))
+    corners = np.array(
+        [(x, y) for y in tops for x in lefts if a.known[y : y + size, x : x + size].all()]
+    ).reshape(-1, 2)
+    # (K, size, size, 2) x and y in `b` of all patches at once.
+    grid = np.stack(np.meshgrid(np.arange(size), np.arange(size)), axis=-1)
+    coordinates = transform.to_picture((corners[:, np.newaxis, np.newaxis] + grid).astype(float))
+    inside = ((coordinates >= 0) & (coordinates <= np.array([width, height]) - 1)).all(axis=(1, 2, 3))
+    centres, shifts, energy = [], [], np.zeros(3)
+    register: Any = phase_cross_correlation  # carries no types
+    for (left, top), (x, y) in zip(corners[inside], np.moveaxis(coordinates[inside], 3, 1), strict=True):
+        if not b.known[np.rint(y).astype(int), np.rint(x).astype(int)].all():
+            continue
+        one = a.detail[top : top + size, left : left + size]
+        other = scipy.ndimage.map_coordinates(b.detail, [y, x], order=1)
+        shift = np.zeros(2)
+        if one.std() > 0 and other.std() > 0:
+            shift = register(one, other, upsample_factor=20, normalization=None)[0]  # to 1/20 px
+        moved = scipy.ndimage.shift(other, shift, order=1)
+        first, second = one[4:-4, 4:-4], moved[4:-4, 4:-4]
+        products = np.array([(first * second).sum(), (first**2).sum(), (second**2).sum()], np.float64)
+        energy += products
+        correlation = float(products[0] / np.sqrt(max(products[1] * products[2], 1e-12)))
+        if correlation > _LEAST_PATCH_CORRELATION and _is_cornered(one) and np.abs(shift).max() <= size / 4:
+            centres.append(np.array([left, top]) + (size - 1) / 2)
+            shifts.append(shift[::-1])
+    if energy[1] * energy[2] <= 0:
+        return None
+    correlation = float(energy[0] / np.sqrt(energy[1] * energy[2]))
+    if len(centres) < 2:
+        return Match(np.zeros((0, 2)), np.zeros((0, 2)), min(correlation, 0.0))
+    points = np.array(centres)
+    return Match(
+        _enlarged(points, a.detail_scale),
+        _enlarged(transform.to_picture(points - np.array(shifts)), b.detail_scale),
+        correlation,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Reduced:
+    """A transform between two reduced pictures."""
+
+    transform: Transform
+    #: px of each picture per px of its reduced copy.
+    first: int
+    second: int
+
+    def to_canvas(self, points: Floats) -> Floats:
+        return _reduced(self.transform.to_canvas(_enlarged(points, self.second)), self.first)
+
+    def to_picture(self, points: Floats) -> Floats:
+        return _reduced(self.transform.to_picture(_enlarged(points, self.first)), self.second)
+
+
+def _enlarged(points: Floats, scale: int) -> Floats:
+    return points if scale == 1 else (points + 0.5) * scale - 0.5
+
+
+def _reduced(points: Floats, scale: int) -> Floats:
+    return points if scale == 1 else (points + 0.5) / scale - 0.5
+
+
+def _is_cornered(patch: Floats32) -> bool:
+    """Test whether a patch differs from itself moved in any direction: one with straight edges does not."""
+    smooth = scipy.ndimage.gaussian_filter(patch, 1.5)
+    down, right = np.gradient(smooth)
+    tensor = np.array(
+        [[np.sum(down * down), np.sum(down * right)], [np.sum(down * right), np.sum(right * right)]]
+    )
+    least, most = np.linalg.eigvalsh(tensor)
+    return bool(least > _LEAST_CORNER * most)

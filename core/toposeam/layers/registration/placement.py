@@ -1,4 +1,4 @@
-"""What is found out about the places of pictures."""
+"""Where pictures belong, and how well their pairs fit there."""
 
 from __future__ import annotations
 
@@ -12,40 +12,44 @@ import numpy as np
 from toposeam.arrays import Floats
 from toposeam.layers.canvas.layer import Layer
 from toposeam.layers.canvas.transforms import CameraTransform, Projection, Transform
-from toposeam.layers.labelling.problem import Pair
+from toposeam.layers.labelling.label_map import Pair
 from toposeam.sentence import counted
 
 Model: TypeAlias = Literal["shift", "similarity", "plane", "rotation"]
+#: Models with perspective.
+Family: TypeAlias = Literal["plane", "rotation"]
 #: The poorest first.
 MODELS: tuple[Model, ...] = get_args(Model)
+#: Largest residuals of a model ÷ those of one with more unknowns, for the poorer model to be taken.
+POORER_RATIO = 1.3
 
 
 @dataclass(frozen=True, slots=True)
 class Residual:
-    """What is left between two pictures at the points that they share."""
+    """Distances that are left between the points that two pictures share."""
 
     #: px, in the median and at the farthest twentieth.
     median: float
     farthest: float
-    #: x and y on the canvas, px, where the points lie farthest apart.
+    #: x and y on the canvas, px, of a point at the farthest twentieth.
     near: tuple[float, float]
-    #: Points, and features that agreed.
+    #: Number of points, and of features that agreed.
     points: int
     features: int
 
     @classmethod
-    def of(cls, off: Floats, at: Floats, features: int) -> Residual:
-        """From (M,) distances and (M, 2) points of the canvas."""
-        if not len(off):
+    def of(cls, distances: Floats, points: Floats, features: int) -> Residual:
+        """Summarise (M,) distances, px, at (M, 2) points of the canvas."""
+        if not len(distances):
             return cls(0.0, 0.0, (0.0, 0.0), 0, features)
-        farthest = float(np.percentile(off, 95))
-        x, y = at[int(np.argmin(np.abs(off - farthest)))]
-        return cls(float(np.median(off)), farthest, (float(x), float(y)), len(off), features)
+        farthest = float(np.percentile(distances, 95))
+        x, y = points[int(np.argmin(np.abs(distances - farthest)))]
+        return cls(float(np.median(distances)), farthest, (float(x), float(y)), len(distances), features)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Placement:
-    """Where pictures belong.
+    """The places of pictures: transforms to a canvas, and how well pairs fit there.
 
     Examples
     --------
@@ -57,28 +61,28 @@ class Placement:
     ((2, 2), True)
     """
 
-    #: Placed, and warped where they are more than moved.
+    #: The placed pictures, warped where they are more than moved.
     layers: tuple[Layer, ...]
-    #: What brings the pictures together.
+    #: Kind of the transforms.
     model: Model
     #: Width and height of each placed picture, px, before it was warped.
     sizes: tuple[tuple[int, int], ...]
-    #: Of each, from its pixels to the canvas.
+    #: From the pixels of each placed picture to the canvas.
     transforms: tuple[Transform, ...]
-    #: Which of the pictures that were given these are, and why the others are none.
+    #: Numbers of the placed pictures among the given ones, and the reason why each other one was left out.
     numbers: tuple[int, ...]
     left_out: Mapping[int, str] = field(default_factory=dict)
-    #: Those of them that belong together, but not to the ones that were placed.
+    #: Groups of pictures that belong together, but not to the ones that were placed.
     other_groups: tuple[tuple[int, ...], ...] = ()
-    #: Correlation of the overlap of each pair that was used, and what is left there; pairs are of `layers`.
+    #: Correlation of the overlap of each pair that was used, and its residual; pairs are of `layers`.
     correlations: dict[Pair, float]
     residuals: dict[Pair, Residual]
     #: Largest median of a pair, px.
     misfit: float
-    #: Pairs that match in a place where the others do not put them, and that were not used.
+    #: Pairs that match in another place than the others put them, and that were not used.
     outvoted: tuple[Pair, ...] = ()
-    #: Of a camera: focal length of the picture in the middle, px, b of its radial distortion, how the canvas
-    #: shows what it saw, and the canvas's width if that goes all the way round.
+    #: Of a camera: focal length of the picture in the middle, px, b of its radial distortion, the projection
+    #: of the canvas, and the canvas's width, px, if it goes all the way round.
     focal: float | None = None
     distortion: float = 0.0
     projection: Projection | None = None
@@ -110,7 +114,7 @@ class Placement:
         return np.array([np.hypot(*local[1]) for local in self._locals(0.5)])
 
     def _locals(self, share: float) -> list[tuple[Floats, Floats]]:
-        """A point of each picture on the canvas, and where one px to the right takes it."""
+        """Map a point of each picture to the canvas, and the step of one px to its right."""
         found = []
         for size, transform in zip(self.sizes, self.transforms, strict=True):
             at = share * (np.array(size) - 1.0)

@@ -1,56 +1,96 @@
-"""Errors about pictures that show nothing in common with the others, or too little to be placed exactly."""
+"""Errors about pictures that show nothing in common with the others, contradict them, or are not placed
+exactly.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
-from toposeam.arrays import Floats
+from toposeam.arrays import Floats, Indices
 from toposeam.errors import OverlapError
 from toposeam.layers.canvas.layer import Layer
-from toposeam.layers.labelling.problem import Pair
-from toposeam.layers.registration.features import Look
-from toposeam.layers.registration.pair_matching import Match, Sightings, groups
+from toposeam.layers.labelling.label_map import Pair
+from toposeam.layers.registration.features import FeatureSet
+from toposeam.layers.registration.pair_matching import Match, PairMatcher, groups
 from toposeam.sentence import counted
 
-#: A picture of which more than so many px are open, one standard deviation at its corners, is refused where
-#: places are to be exact: what is nearer is placed within half a pixel (benchmarks/placing.py).
-LARGEST_DOUBT = 0.4
-#: Fewer features are too few to look for an overlap.
-_PLAIN = 8
-#: So many pictures are named at most that show something else.
+#: Largest standard deviation of a picture's corners, px, where places are to be exact: what is below is
+#: placed within half a pixel (benchmarks/placing.py).
+LARGEST_UNCERTAINTY = 0.4
+#: Features that a picture needs for an overlap to be looked for.
+_LEAST_FEATURES = 8
+#: Pictures or pairs that are named at most.
 _NAMED = 8
 
 
-def is_plain(look: Look) -> bool:
+def is_plain(features: FeatureSet) -> bool:
     """Test whether a picture shows too little detail to look for an overlap."""
-    return len(look.keypoints) < _PLAIN
+    return len(features.keypoints) < _LEAST_FEATURES
 
 
-def strangers(
-    pictures: Sequence[Layer], sightings: Sightings, correlation: float, least: float
-) -> OverlapError:
+def strangers(matcher: PairMatcher, correlation: float, least: float) -> OverlapError:
     """Return the error about two pictures that show nothing in common; `correlation` is the best of their
     overlap, -1 where none was found.
     """
-    plain = [picture.name for picture, look in zip(pictures, sightings.looks, strict=True) if is_plain(look)]
+    names = matcher.names
+    plain = [name for name, features in zip(names, matcher.features, strict=True) if is_plain(features)]
     if plain:
         why = f"{' and '.join(plain)} {'shows' if len(plain) == 1 else 'show'} too little detail"
     elif correlation > -1:
         why = f"the correlation of their overlap is {correlation:.2f}, {least:g} is needed"
     else:
-        shared = counted(len(sightings.shared((0, 1))), "feature")
+        shared = counted(len(matcher.shared((0, 1))), "feature")
         why = f"they share {shared}, and too few of them agree on one overlap"
     return OverlapError(
         "{first} and {name} cannot be placed: {why}; say where they lie, or which points they share",
         kind="fits none",
         layers=(1,),
-        first=pictures[0].name,
-        name=pictures[1].name,
+        first=names[0],
+        name=names[1],
         why=why,
     )
+
+
+def ambiguous(names: Sequence[str], elsewhere: Sequence[Pair], most: float) -> OverlapError:
+    """Return the error about pairs that match elsewhere, up to `most` px off."""
+    return OverlapError(
+        "{names} match where the other pictures do not place them, up to {off} px off, "
+        "and too little else shows which is right: what repeats itself matches in several"
+        " places; leave such pictures out, or say where the pictures lie",
+        kind="ambiguous",
+        names=named_pairs(names, elsewhere),
+        off=f"{most:.0f}",
+        layers=_pictures_of(elsewhere),
+    )
+
+
+def misfit(names: Sequence[str], wrong: Sequence[Pair], most: float) -> OverlapError:
+    """Return the error about pairs that do not fit, up to `most` px off."""
+    return OverlapError(
+        "{names} do not fit where the other pictures place them: up to {off} px are left "
+        "between them; a lens or perspective is not undone here: align them with Hugin "
+        "(pto_gen, cpfind, autooptimiser, nona), and join its pictures with toposeam "
+        "enblend",
+        kind="misfit",
+        names=named_pairs(names, wrong),
+        off=f"{most:.1f}",
+        layers=_pictures_of(wrong),
+    )
+
+
+def _pictures_of(pairs: Collection[Pair]) -> tuple[int, ...]:
+    """Return the numbers of the pictures of some pairs."""
+    return tuple(sorted({index for pair in pairs for index in pair}))
+
+
+def named_pairs(names: Sequence[str], pairs: Sequence[Pair]) -> str:
+    """Name pairs by their pictures, a few of them."""
+    named = [f"{names[i]} and {names[j]}" for i, j in pairs]
+    if len(named) > _NAMED:
+        named[_NAMED - 1 :] = [f"{len(named) - _NAMED + 1} more pairs"]
+    return ", ".join(named)
 
 
 def check_joined(
@@ -58,10 +98,25 @@ def check_joined(
     matches: Mapping[Pair, Match],
     best: Floats,
     least: float,
-    shared: npt.NDArray[np.intp] | None = None,
+    shared: Indices | None = None,
 ) -> None:
-    """Refuse pictures that are not joined to most of the others by pairs that agree. All are named, with the
-    features that they share.
+    """Refuse pictures that pairs do not join to most of the others.
+
+    Parameters
+    ----------
+    pictures : sequence of Layer
+    matches : mapping from (int, int) to Match
+    best : (N,) array
+        Best correlation of each picture.
+    least : float
+        Least correlation of a match.
+    shared : (N,) int array, optional
+        Features that each shares with the one that it shares most with.
+
+    Raises
+    ------
+    OverlapError
+        It names all of them, with the features that they share.
     """
     own = groups(len(pictures), matches)
     sizes = np.bincount(own)
@@ -70,7 +125,7 @@ def check_joined(
     lost = [np.flatnonzero(own == group) for group in dict.fromkeys(own) if group != sizes.argmax()]
     alone = np.array([members[0] for members in lost if len(members) == 1], np.intp)
     others = [members for members in lost if len(members) > 1]
-    told = []
+    findings = []
     if len(alone):
         most = 0 if shared is None else int(shared[alone].max())
         if best[alone].max() > -1:
@@ -80,12 +135,12 @@ def check_joined(
             close = f"{share} {counted(most, 'feature')} at most, and too few agree"
         else:
             close = f"{_each(alone, 'it has', 'they have')} nothing in common"
-        told.append(
+        findings.append(
             f"{named(pictures, alone)} {_each(alone, 'fits', 'fit')} none of the other pictures ({close})"
         )
     if others:
         shown = ", and ".join(named(pictures, members) for members in others)
-        told.append(f"{shown} show something else than the other pictures")
+        findings.append(f"{shown} show something else than the other pictures")
     remedies = []
     if len(alone):
         remedies.append(f"leave {_each(alone, 'it', 'them')} out, or say where the pictures lie")
@@ -103,16 +158,19 @@ def check_joined(
         "{what}; {remedies}",
         kind=kind,
         layers=tuple(sorted(members)),
-        what=", and ".join(told),
+        what=", and ".join(findings),
         remedies="; ".join(remedies),
         **data,
     )
 
 
-def check_exact(pictures: Sequence[Layer], doubts: Floats) -> None:
-    """Refuse pictures whose corners are open by so many px, and name all of them, the worst first."""
-    worst_first = np.argsort(-doubts, kind="stable")
-    unsure = worst_first[doubts[worst_first] > LARGEST_DOUBT]
+def check_exact(pictures: Sequence[Layer], uncertainties: Floats) -> None:
+    """Refuse pictures whose corners are too uncertain; the error names all of them, the worst first.
+
+    `uncertainties` has one standard deviation of each picture's corners, px.
+    """
+    worst_first = np.argsort(-uncertainties, kind="stable")
+    unsure = worst_first[uncertainties[worst_first] > LARGEST_UNCERTAINTY]
     if len(unsure):
         raise OverlapError(
             "{name} cannot be placed exactly: what {shared} with the others leaves "
@@ -122,17 +180,17 @@ def check_exact(pictures: Sequence[Layer], doubts: Floats) -> None:
             name=named(pictures, unsure),
             shared=_each(unsure, "it shares", "they share"),
             up_to=_each(unsure, "", "up to "),
-            off=f"{doubts.max():.1f}",
+            off=f"{uncertainties.max():.1f}",
             remedy=_each(unsure, "leave it out", "let them overlap more"),
         )
 
 
-def _each(indices: npt.NDArray[np.intp], one: str, several: str) -> str:
+def _each(indices: Indices, one: str, several: str) -> str:
     return one if len(indices) == 1 else several
 
 
-def named(pictures: Sequence[Layer], indices: npt.NDArray[np.intp]) -> str:
-    """List some pictures by their names, a few of them."""
+def named(pictures: Sequence[Layer], indices: Indices) -> str:
+    """Name some pictures, a few of them."""
     names = [pictures[index].name for index in indices]
     if len(names) > _NAMED + 1:
         names[_NAMED:] = [f"{len(names) - _NAMED} more"]

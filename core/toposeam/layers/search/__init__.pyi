@@ -1,5 +1,5 @@
 from .expansion_moves import Choices
-from .local_search import Window, expanded, refine
+from .local_search import refine
 from .multilevel import minimise, recut
 from .options import BEST, Effort, SearchOptions, search_options
 from .problem import Problem
@@ -11,10 +11,8 @@ __all__ = [
     "Effort",
     "Problem",
     "SearchOptions",
-    "Window",
     "band_of",
     "costs_at",
-    "expanded",
     "minimise",
     "recut",
     "refine",

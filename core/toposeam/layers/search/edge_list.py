@@ -1,4 +1,4 @@
-"""The interfaces of a box that lie beside pixels that may change, as a list, and what each of them costs."""
+"""The interfaces beside pixels that may change, as a list of edges, and their costs."""
 
 from __future__ import annotations
 
@@ -13,52 +13,52 @@ from toposeam.layers.canvas.layer import Box
 from toposeam.layers.labelling.problem import Labelling
 from toposeam.seam.exact.expansion import interfaces_beside
 
-#: Each pixel and its right, or lower, neighbour.
+#: Slices of the pixels and of their right neighbours; of the pixels and of their lower ones.
 SIDES: Any = (np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])
 
 
 class Edges(NamedTuple):
-    """Interfaces between pixels, (E,) arrays."""
+    """Edges between pixels, as (E,) arrays."""
 
-    #: The two pixels of each, by flat index, the left or upper one first.
+    #: Flat indices of the two pixels of each edge, the left or upper one first.
     p: npt.NDArray[np.intp]
     q: npt.NDArray[np.intp]
-    #: Its column in a table of costs.
+    #: The edge's column in the table of costs.
     column: npt.NDArray[np.intp]
 
     @classmethod
     def beside(cls, open_: Mask, known: Mask) -> Edges:
-        """Those beside some pixels of a box, of which both are known; (h, w) bool arrays."""
+        """List the edges beside open pixels of a box, both pixels of which are known; (h, w) bool masks."""
         p, q = interfaces_beside(open_, known)
         return cls(p, q, np.arange(len(p)))
 
     def some(self, chosen: npt.NDArray[np.intp]) -> Edges:
-        """Those at some places."""
+        """Select edges by their indices."""
         return Edges(self.p[chosen], self.q[chosen], self.column[chosen])
 
 
 class EdgeCosts:
-    """What edges cost for every two layers that may adjoin there.
+    """The cost of every edge for each two layers that may adjoin there.
 
     Parameters
     ----------
     labelling : Labelling
     box : Box
-        In which the edges are numbered.
+        The box in which pixels have their flat indices.
     layers : sequence of int
-        Which layers are meant by 0, 1, …
-    seen : sequence of (h, w) bool arrays
-        Where each of them may show.
+        The layers that 0, 1, … stand for.
+    may_show : sequence of (h, w) bool arrays
+        Per layer, True where it may show.
     edges : Edges
-        All that there are, as :meth:`Edges.beside` finds them.
+        All edges, as :meth:`Edges.beside` lists them.
     """
 
     def __init__(
-        self, labelling: Labelling, box: Box, layers: Sequence[int], seen: Sequence[Mask], edges: Edges
+        self, labelling: Labelling, box: Box, layers: Sequence[int], may_show: Sequence[Mask], edges: Edges
     ) -> None:
         count, size = len(layers), len(edges.p)
         tables = [np.zeros(size, np.float32)]
-        #: (count + 1, count + 1) where rows of the table begin; the first one is 0.
+        #: (count + 1, count + 1) index at which the row of each pair begins in the table; row 0 holds zeros.
         self._begin = np.zeros((count + 1, count + 1), np.intp)
         number = np.full((2, *box.shape), -1, np.int32)
         for numbers, step in zip(number, (1, box.shape[1]), strict=True):
@@ -71,7 +71,7 @@ class EdgeCosts:
                 if cost is None or common is None or not all(common.shape):
                     continue
                 window = common.within(box)
-                one, other = seen[i][window], seen[j][window]
+                one, other = may_show[i][window], may_show[j][window]
                 wanted = [(one[s] & other[t]) | (other[s] & one[t]) for s, t in SIDES]
                 there = [numbers[window][s] for numbers, (s, _) in zip(number, SIDES, strict=True)]
                 for chosen, numbers in zip(wanted, there, strict=True):
@@ -86,7 +86,7 @@ class EdgeCosts:
         self._table = np.concatenate(tables)
 
     def paid(self, i: Any, j: Any, column: npt.NDArray[np.intp]) -> Floats:
-        """What edges cost whose ends show i and j; integers, or arrays of them."""
+        """Return the costs of edges whose pixels show layers i and j; integers, or arrays of them."""
         place = self._begin.take(i * np.intp(len(self._begin)) + j)
         place += column
         return np.asarray(self._table.take(place), np.float64)

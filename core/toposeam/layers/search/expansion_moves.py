@@ -1,9 +1,8 @@
-"""Expansion moves of many layers on a list of the pixels that may still change.
+"""Expansion moves of many layers on a list of the pixels that may change.
 
-On a canvas halved several times, or in a band beside the seams, some thousand pixels are open. They are
-*nodes*, their interfaces *edges* of lists, and the cost of each edge for every two layers is looked up once.
-A move (:mod:`toposeam.layers.labelling.problem` says which there are) is then some passes over these lists
-and one minimum cut.
+On a canvas that was halved several times, or in a band beside seams, some thousand pixels are open. They are
+the *nodes*; their interfaces are *edges*, whose cost for each two layers is computed once. A move
+(:mod:`toposeam.layers.labelling.problem`) is then a few passes over these lists and one minimum cut.
 """
 
 from __future__ import annotations
@@ -25,19 +24,19 @@ from toposeam.seam.exact.expansion import LEAST_GAIN, Decide, ExpansionMove
 
 
 class Choices:
-    """The pixels of a box that may show several layers.
+    """The labels of a box, and the pixels where several layers may show.
 
     Parameters
     ----------
     labelling : Labelling
     box : Box
-        A part of the canvas; what lies around it is not looked at.
+        A part of the canvas; pixels around it are ignored.
     label_map : (h, w) int16 array
-        What shows in the box, -1 where nothing does.
+        The label map in the box, -1 where no layer shows.
     candidates : sequence of (h, w) bool arrays, per layer of `layers`
-        Where each may show.
+        True where each layer may show.
     layers : sequence of int
-        All that show in the box.
+        The numbers of all layers that show or may show in the box.
     """
 
     def __init__(
@@ -52,45 +51,45 @@ class Choices:
         count = len(layers)
         number = np.full(max(layers, default=0) + 2, count, np.int16)
         number[list(layers)] = np.arange(count)
-        #: (h w,) position in `layers` of what shows, `count` where nothing does.
+        #: (h w,) position in `layers` of the layer that shows; `count` where none does.
         self.shows = number[label_map.ravel()]
-        #: (count, h w) bool.
+        #: (count, h w) bool: where each layer may show, if several may.
         self.may = np.array([mask.ravel() for mask in candidates])
-        #: (h w,) bool, which are nodes.
+        #: (h w,) bool: the nodes, at which several layers may show.
         self.several = self.may.sum(axis=0, dtype=np.uint16) > 1
         self.may &= self.several
         known, open_ = label_map >= 0, self.several.reshape(box.shape)
         self.edges = Edges.beside(open_, known)
-        seen = [(self.may[k] | (self.shows == k)).reshape(box.shape) for k in range(count)]
-        self._costs = EdgeCosts(labelling, box, self.layers, seen, self.edges)
-        #: Of a layer the edges of pixels that may show it, and rows and columns that hold these.
+        may_show = [(self.may[k] | (self.shows == k)).reshape(box.shape) for k in range(count)]
+        self._costs = EdgeCosts(labelling, box, self.layers, may_show, self.edges)
+        #: Per layer, the edges of pixels that may show it, and the rows and columns of these pixels.
         self._nearby: dict[int, tuple[Edges, tuple[slice, slice]]] = {}
 
     def _narrowed(self, within: Mask) -> Choices:
-        """The same, of which only some pixels, (h w,) bool, may change: what shows is the same array."""
+        """Return the same choices with fewer open pixels, (h w,) bool; the array of labels is shared."""
         result = copy(self)
         result.may, result._nearby = self.may & within, {}
         result.edges = self.edges.some(np.flatnonzero(within[self.edges.p] | within[self.edges.q]))
         return result
 
     def total(self, edges: Edges | None = None) -> float:
-        """Σ M over the edges, or some of them."""
+        """Compute Σ M over the edges, or some of them."""
         p, q, at = edges or self.edges
         return float(self._costs.paid(self.shows[p], self.shows[q], at).sum())
 
     def label_map(self) -> Labels:
-        """(h, w) int16, what shows."""
+        """Return the (h, w) int16 label map."""
         number = np.array([*self.layers, -1], np.int16)
         return number[self.shows].reshape(self.box.shape)
 
     def lay(self, k: int, everywhere: Mask) -> None:
-        """Let a layer show where it has pixels and nothing does yet."""
+        """Let a layer show where it has pixels and no layer shows yet."""
         self.shows[everywhere & (self.shows == len(self.layers))] = k
 
     def run(
         self, decide: Decide, most: int, order: Sequence[int] | None = None, within: Mask | None = None
     ) -> int:
-        """Expansions in an order until none gains, at most so many rounds; how many were made."""
+        """Repeat expansions in an order until none gains, for at most `most` rounds; return their number."""
         if within is not None:
             return self._narrowed(within).run(decide, most, order)
         order = range(len(self.layers)) if order is None else order
@@ -106,8 +105,8 @@ class Choices:
         return most
 
     def expand(self, k: int, decide: Decide) -> bool:
-        """Let a layer show more of itself (:mod:`toposeam.seam.exact.expansion`); whether that gained
-        something.
+        """Let a layer show at more pixels (:mod:`toposeam.seam.exact.expansion`); return whether that lowered
+        the cost.
         """
         move = self._expansion(k)
         turned, _ = move.gaining(move.turned(decide))
@@ -115,11 +114,11 @@ class Choices:
         return len(turned) > 0
 
     def would_expand(self, k: int, decide: Decide, dearer: float) -> Indices:
-        """The pixels that would turn to a layer if the present interfaces cost more by a share."""
+        """Find the pixels that would change to a layer if the present interfaces cost more by a fraction."""
         return self._expansion(k).turned(decide, dearer=dearer)
 
     def _expansion(self, k: int) -> ExpansionMove:
-        """The move in which a layer expands."""
+        """Pose the move in which a layer expands."""
         shows = self.shows
         near, window = self._beside(k)
         now = shows.reshape(self.box.shape)[window]
@@ -130,7 +129,7 @@ class Choices:
         return self._move(piece, edges, shows, np.where(piece > 0, np.int16(k), shows))
 
     def _beside(self, k: int) -> tuple[Edges, tuple[slice, slice]]:
-        """The edges of pixels that may show a layer, and rows and columns that hold them."""
+        """Return the edges of pixels that may show a layer, and the rows and columns of these pixels."""
         if k not in self._nearby:
             may = self.may[k]
             found = self.edges.some(np.flatnonzero(may[self.edges.p] | may[self.edges.q]))
@@ -145,7 +144,7 @@ class Choices:
         shows: npt.NDArray[np.int16],
         turned: npt.NDArray[np.int16],
     ) -> ExpansionMove:
-        """The move from one solution towards another in some pieces, given the edges that end in them."""
+        """Pose the move from one solution to another in connected pieces, by the edges that end in them."""
 
         def paid(i: npt.NDArray[np.int16], j: npt.NDArray[np.int16], chosen: Any) -> Floats:
             return self._costs.paid(i, j, edges.column[chosen])
@@ -153,8 +152,8 @@ class Choices:
         return ExpansionMove(piece, self.box.shape[1], edges[:2], shows, turned, paid)
 
     def fuse(self, other: npt.NDArray[np.int16]) -> None:
-        """Take what another solution, (h w,), shows wherever that costs less, in each patch in which they
-        differ as a whole.
+        """Take over another solution, (h w,), in each connected patch of differing pixels where it is
+        cheaper.
         """
         patch, count = scipy.ndimage.label((self.shows != other).reshape(self.box.shape))
         patch = patch.ravel()
@@ -169,10 +168,10 @@ class Choices:
             self.shows = np.where((others < own)[patch], other, self.shows)
 
     def divide_all(self, decide: Decide, candidates: Sequence[Mask]) -> Mask:
-        """Divide anew all pixels for which two layers are candidates, as long as those beside them have no
-        others, together; (h w,) bool, which.
+        """Divide all pixels with exactly two candidates in one cut; return their (h w,) bool mask.
 
-        `candidates` are (h, w) bool for each layer, and no more than those that may show.
+        Pixels beside others with another two candidates are left out. `candidates` is an (h, w) bool mask per
+        layer, within those that may show.
         """
         may = np.array([mask.ravel() for mask in candidates])
         free: Mask = (may.sum(axis=0, dtype=np.uint16) == 2) & (self.shows != len(self.layers))
@@ -189,8 +188,9 @@ class Choices:
     def divide(
         self, free: Mask, one: npt.NDArray[np.int16], other: npt.NDArray[np.int16], decide: Decide
     ) -> None:
-        """Decide for some pixels which of two layers each shows, the two being the same for pixels that
-        adjoin, if that gains something.
+        """Decide by one cut which of two layers each pixel shows, and keep the result if it costs less.
+
+        Adjoining pixels must have the same two layers.
         """
         edges = self.edges.some(np.flatnonzero(free[self.edges.p] | free[self.edges.q]))
         if not len(edges.p):

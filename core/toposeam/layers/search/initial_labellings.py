@@ -1,8 +1,8 @@
-"""Expansions from several starts.
+"""Expansions from several initial labellings.
 
-The layers lie on top of each other in the order of their places, each time with another one at the bottom.
-After one round of each, the cheapest two go on, and the others only if these do not end alike. Wherever
-another end costs less than the cheapest one, it is taken over.
+The layers are stacked in the order of their places, each time with another one at the bottom. After one round
+of expansions from each start, the cheapest two go on to their ends; the others follow only if these two ends
+differ in cost. In each patch of pixels where another end is cheaper than the best one, it is taken over.
 """
 
 from __future__ import annotations
@@ -18,8 +18,9 @@ from toposeam.layers.search.expansion_moves import Choices
 from toposeam.layers.search.options import SearchOptions
 from toposeam.seam.exact.expansion import Decide
 
-#: The best two starts end alike when their costs differ by less than this share: then no other goes on.
-_AGREED = 1e-4
+#: Relative difference of cost below which the ends of the best two starts count as equal, so that no other
+#: start is continued.
+_EQUAL_COST = 1e-4
 
 
 def best_of_starts(
@@ -31,20 +32,20 @@ def best_of_starts(
     options: SearchOptions,
     steps: Progressed,
 ) -> int:
-    """Let the choices show the best of what several starts end in; the number of rounds.
+    """Expand from several starts and combine the ends; return the number of rounds.
 
     Parameters
     ----------
     choices : Choices
     allowed : sequence of (h, w) bool arrays
-        Where each layer may show.
+        Per layer, True where it may show.
     boxes : sequence of Box
-        Where each layer lies.
+        The box of the canvas that each layer fills.
     decide : callable
     most : int
-        Rounds at most.
+        Largest number of rounds.
     options : SearchOptions
-        How many starts there are.
+        Hold the number of starts.
     steps : Progressed
     """
     places = sorted(range(len(boxes)), key=lambda k: boxes[k])
@@ -56,7 +57,7 @@ def best_of_starts(
     choices.shows = ends[0][2]
     for _, _, other in ends[1:]:
         choices.fuse(other)
-    if choices.shows is not ends[0][2]:  # the mixture of several ends may not be an end itself
+    if choices.shows is not ends[0][2]:  # a mixture of ends may allow more expansions
         number += choices.run(decide, most - number, places)
     return number
 
@@ -69,7 +70,7 @@ def _one_by_one(
     most: int,
     steps: Progressed,
 ) -> tuple[int, list[tuple[float, int, Labels]]]:
-    """The number of rounds, and of each start the cost of its end, its number, and the end."""
+    """Expand from each start; return the number of rounds, and (cost, number, labels) of each end."""
     ends: list[tuple[float, int, Labels]] = []
     for choices.shows in starts:
         choices.run(decide, 1, places)
@@ -78,7 +79,7 @@ def _one_by_one(
     ends.sort(key=lambda end: end[:2])
     number = 1
     for place, (_, _, choices.shows) in enumerate(ends):
-        if place == 2 and abs(ends[0][0] - ends[1][0]) <= _AGREED * ends[0][0]:
+        if place == 2 and abs(ends[0][0] - ends[1][0]) <= _EQUAL_COST * ends[0][0]:
             break
         number = max(number, 1 + choices.run(decide, most - 1, places))
         ends[place] = choices.total(), place, choices.shows
@@ -87,7 +88,7 @@ def _one_by_one(
 
 
 def join(choices: Choices, allowed: Sequence[Mask], order: Sequence[int], decide: Decide) -> None:
-    """Lay the layers one after another, each joined along the best seam to those before it."""
+    """Lay the layers one after another, each joined to those before it along the cheapest seam."""
     choices.shows = np.full(choices.shows.shape, len(allowed), np.int16)
     for k in order:
         choices.lay(k, allowed[k].ravel())
@@ -95,7 +96,7 @@ def join(choices: Choices, allowed: Sequence[Mask], order: Sequence[int], decide
 
 
 def laid_on_top(allowed: Sequence[Mask], order: Sequence[int]) -> Labels:
-    """(h w,) int16, the last layer of an order that is allowed; as many as there are where none is."""
+    """(h w,) int16: the last layer of an order that is allowed; the number of layers where none is."""
     shows = np.full(allowed[0].size, len(allowed), np.int16)
     for k in order:
         shows[allowed[k].ravel()] = k

@@ -1,8 +1,8 @@
-"""Moves that lower the total cost of a label map at one size until none does any more.
+"""Moves that lower the cost of a label map at one size, until none gains.
 
-On the coarsest canvas expansions (:mod:`toposeam.layers.search.expansion_moves`) are made from several starts
-(:mod:`toposeam.layers.search.initial_labellings`), because they end in an optimum that depends on the start:
-hardly where layers show the same things, by up to a fifth of the cost where they have little in common. A
+On the coarsest canvas, expansions (:mod:`toposeam.layers.search.expansion_moves`) run from several starts
+(:mod:`toposeam.layers.search.initial_labellings`), because they end in a local optimum. Its cost depends
+little on the start if the layers show the same things, and by up to a fifth if they have little in common. A
 move that does not lower the total is not made, so the rounds end.
 
 At every finer size only pixels beside the seams may change: on small canvases all of them together, on large
@@ -38,13 +38,15 @@ from toposeam.layers.search.problem import Problem, Ties
 from toposeam.layers.search.two_label_band import Division, divided, write_pixels
 from toposeam.seam.cut_solver import CutSolver
 
-#: Rounds of expansions at most in a window.
-_MOST = 100
+#: Largest number of rounds of expansions in a window: a safeguard, as a few rounds reach the end.
+_MOST_ROUNDS = 100
 
 
 def search(problem: Problem, order: Sequence[int], most: int, ties: bool) -> tuple[Labels, Ties, int]:
-    """The cheapest label map that expansions from several starts end in, (H, W) int16, its near ties if they
-    are wanted, and the number of rounds; with `most` 0 the layers are only joined in the given order.
+    """Search the cheapest label map by expansions from several starts.
+
+    Returns (H, W) int16 labels, their near ties if `ties`, and the number of rounds. With `most` 0 the layers
+    are only joined in the given order.
     """
     labelling, canvas = problem.labelling, problem.labelling.canvas
     label_map, solver = labelling.on_top(), problem.solver
@@ -73,7 +75,7 @@ def refine(
     ties: bool = False,
     everywhere: bool = False,
 ) -> Ties:
-    """Improve a label map in place among the pixels that may change; its near ties, if they are wanted.
+    """Improve a label map, in place, at the pixels that may change; return its near ties if `ties`.
 
     Parameters
     ----------
@@ -82,13 +84,13 @@ def refine(
     near : (H, W) bool array
         The pixels that may change.
     most : int
-        Rounds of expansions at most.
+        Largest number of rounds of expansions.
     tied : mapping, optional
-        Where each layer nearly showed at the next smaller size: there it may show, too.
+        Pixels at the next smaller size where each layer nearly showed; it may show there, too.
     ties : bool
-        Whether to look for near ties, for the next size.
+        Whether to find near ties, for the next size.
     everywhere : bool
-        Whether to look for them among all pixels, not only those that may change.
+        Whether to find them at all pixels, not only those that may change.
     """
     if math.prod(near.shape) <= problem.search.together:
         with one_thread():
@@ -108,7 +110,7 @@ def _refine_together(
     ties: bool,
     everywhere: bool,
 ) -> Ties:
-    """One cut of all pixels that two layers may show, and expansions where more may."""
+    """Divide all pixels with two candidates in one cut; expand where there are more."""
     labelling, options, solver = problem.labelling, problem.search, problem.solver
     near, labels, count = dense(opened), dense(label_map), len(labelling.places)
     planes = reached(labels, count, options.band)
@@ -133,14 +135,14 @@ def _refine_together(
 
 
 def _near_ties(problem: Problem, choices: Choices) -> Ties:
-    """Where each layer would show if the present seams cost more by a share."""
+    """Find the pixels where each layer would show if the present seams cost more by a fraction."""
     width, dearer = choices.box.shape[1], problem.search.dearer
     turned = (choices.would_expand(k, problem.solver, dearer) for k in choices.layers)
     return {k: np.divmod(pixels, width) for k, pixels in zip(choices.layers, turned, strict=True)}
 
 
 def beside_seams(label_map: Labels, reach: int = 0) -> Mask:
-    """(H, W) bool: the pixels beside a seam, and those at most `reach` px from them."""
+    """(H, W) bool mask of the pixels beside a seam, and of those at most `reach` px from them."""
     canvas = Box(0, 0, *label_map.shape)
     chosen: Mask = new_map(canvas.shape, False, bool)
     for block in several(label_map, canvas):
@@ -156,7 +158,7 @@ def beside_seams(label_map: Labels, reach: int = 0) -> Mask:
 
 
 def _divide_pairs(problem: Problem, labels: Labels, near: Mask) -> None:
-    """Divide all pairs of layers that adjoin anew, in place, those at once that do not touch."""
+    """Divide every pair of layers that adjoins anew, in place; pairs that do not touch at the same time."""
     labelling, executor = problem.labelling, problem.executor
     pairs = [pair for pair in labelling.adjoining(labels) if pair in labelling.costs]
     boxes = [labelling.costs[pair].box for pair in pairs]
@@ -174,7 +176,7 @@ def _divide_pairs(problem: Problem, labels: Labels, near: Mask) -> None:
 
 
 def settle(problem: Problem, labels: Labels) -> None:
-    """Expand in windows round all places where three layers meet, in which every pixel may change."""
+    """Expand in a window round each place where three layers meet; every pixel of it may change."""
     canvas = Box(0, 0, *labels.shape)
     windows = [window.shared(canvas) for window in junctions(labels, problem.search.window)]
 
@@ -182,54 +184,53 @@ def settle(problem: Problem, labels: Labels) -> None:
         box, parts = windows[k], (problem.labelling, labels)
         if problem.executor is not None:
             parts = part_of_labelling(problem.labelling, box.grown(1)), part_of(labels, box.grown(1))
-        opened = np.zeros(box.shape, bool)
-        opened[1:-1, 1:-1] = True
-        return Window(*parts, box, opened, problem.solver)
+        return Window(*parts, box, problem.solver)
 
-    for k, found in on_boxes(problem.executor, expanded, item, windows):
+    for k, found in on_boxes(problem.executor, settled, item, windows):
         problem.steps.one()
         labels[windows[k].slices] = found
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Window:
-    """A window of a canvas in which a label map is searched again, and how."""
+    """A window of a canvas in which every pixel but those of its rim may change, and how it is solved."""
 
     labelling: Labelling
-    #: (H, W) int16.
+    #: (H, W) int16 label map of the canvas.
     labels: Labels
     box: Box
-    #: (h, w) bool: the pixels that may change.
-    opened: Mask
     solver: CutSolver
-    #: (h, w) int16: the layer that must show, -1 where any may.
-    fixed: Labels | None = None
-
-    @property
-    def layers(self) -> list[int]:
-        """The layers that lie on the window, in the order in which they expand."""
-        places = self.labelling.places
-        near = [k for k, place in enumerate(places) if all(place.shared(self.box).shape)]
-        return sorted(near, key=lambda k: places[k])
-
-    @property
-    def start(self) -> Labels:
-        """(h, w) int16: what shows, and where a layer must show, that one."""
-        shown = self.labels[self.box.slices]
-        return shown if self.fixed is None else np.where(self.fixed >= 0, self.fixed, shown)
-
-    def may_show(self, k: int) -> Mask:
-        """(h, w) bool: where a layer may show among the pixels that may change."""
-        free = self.opened if self.fixed is None else self.opened & (self.fixed < 0)
-        allowed: Mask = (self.labelling.allowed_in(k, self.box) | (self.start == k)) & free
-        return allowed
 
 
-def expanded(window: Window) -> Labels:
+def settled(window: Window) -> Labels:
     """(h, w) int16: the labels of a window after expansions, from what shows on."""
-    layers = window.layers
-    may = [window.may_show(k) for k in layers]
-    choices = Choices(window.labelling, window.box, window.start, may, layers)
+    labelling, box = window.labelling, window.box
+    inner = np.zeros(box.shape, bool)
+    inner[1:-1, 1:-1] = True
+    layers = layers_on(labelling, box)
+    may = [labelling.allowed_in(k, box) & inner for k in layers]
+    choices = Choices(labelling, box, window.labels[box.slices], may, layers)
     with one_thread():
-        choices.run(window.solver, _MOST)
+        choices.run(window.solver, _MOST_ROUNDS)
     return choices.label_map()
+
+
+def expand_from(problem: Problem, labels: Labels) -> Labels:
+    """(H, W) int16: a label map after moves of all its pixels at full size, from what shows on.
+
+    Pixels that two layers may show are divided anew by one cut, then all expand.
+    """
+    labelling, canvas = problem.labelling, problem.labelling.canvas
+    layers = layers_on(labelling, canvas)
+    may = [labelling.allowed_in(k, canvas) for k in layers]
+    choices = Choices(labelling, canvas, labels, may, layers)
+    with one_thread():
+        choices.divide_all(problem.solver, may)
+        choices.run(problem.solver, _MOST_ROUNDS)
+    return choices.label_map()
+
+
+def layers_on(labelling: Labelling, box: Box) -> list[int]:
+    """The layers that lie on a box, in the order in which they expand."""
+    near = [k for k, place in enumerate(labelling.places) if all(place.shared(box).shape)]
+    return sorted(near, key=lambda k: labelling.places[k])

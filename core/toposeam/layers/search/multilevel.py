@@ -1,20 +1,19 @@
-"""Seams of many layers from coarse to fine.
+"""Search the seams of many layers from coarse to fine.
 
 The costs of large canvases are halved (:mod:`toposeam.layers.search.cost_coarsening`) until few pixels have
-several layers to choose from. There the cheapest label map is searched
-(:mod:`toposeam.layers.search.local_search`), and at every finer size it is refined beside its seams. Small
-problems are also asked at half the size where each layer would show if the seams cost some per cent more:
-such near ties are decided at full size, by true costs.
+several allowed layers. There the cheapest label map is searched (:mod:`toposeam.layers.search.local_search`),
+and at every finer size it is refined beside its seams. For small problems, near ties are found at half the
+size: pixels where a layer would show if the seams cost some per cent more. They are decided at full size, by
+the true costs.
 
-Reduced costs are a guess at what a seam will cost, off by some per cent, and which of several ways it takes
-hangs by less. So "best" (:mod:`toposeam.layers.search.options`) reduces them in two ways, each of which leads
-to other mistakes, and takes the cheaper one wherever the two ends differ; what lies beside these seams is
-divided once more, and round the places where three layers meet expansions follow at full size.
+Reduced costs estimate the cost of a seam to some per cent, and alternative seams often differ by less. So
+"best" (:mod:`toposeam.layers.search.options`) reduces costs in two ways, which make different mistakes, and
+takes the cheaper result wherever the two differ. Pixels beside these seams are then divided once more, and
+expansions follow at full size round the places where three layers meet.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import time
 from collections.abc import Sequence
@@ -31,16 +30,16 @@ from toposeam.layers.labelling.problem import Labelling
 from toposeam.layers.labelling.subproblem import window_of_labelling
 from toposeam.layers.search.cost_coarsening import Tables, enlarged, halved, opened
 from toposeam.layers.search.expansion_moves import Choices
-from toposeam.layers.search.local_search import Window, beside_seams, expanded, refine, search, settle
+from toposeam.layers.search.local_search import beside_seams, expand_from, refine, search, settle
 from toposeam.layers.search.options import FAST, SearchOptions
 from toposeam.layers.search.problem import Problem
 from toposeam.layers.search.two_label_band import write_pixels
 from toposeam.seam.cut_solver import CutSolver
 
-#: Up to this many open pixels of a label map are searched again at full size.
+#: Largest number of open pixels that are searched again at full size; more are searched from coarse to fine.
 _EXPANDED_PIXELS = 1 << 17
-#: Rounds of expansions at most where a large part is searched again.
-_ROUNDS = 10
+#: Largest number of rounds of expansions in such a search from coarse to fine.
+_PART_ROUNDS = 10
 
 
 def minimise(problem: Problem, order: Sequence[int], most: int) -> LabelMap:
@@ -50,9 +49,9 @@ def minimise(problem: Problem, order: Sequence[int], most: int) -> LabelMap:
     ----------
     problem : Problem
     order : sequence of int
-        The order in which the layers are joined if no rounds are wanted.
+        The order in which the layers are joined if `most` is 0.
     most : int
-        Rounds at most; with 0 the layers are only joined one after another.
+        Largest number of rounds; with 0 the layers are only joined one after another.
     """
     started = time.perf_counter()
     labelling, options = problem.labelling, problem.search
@@ -67,7 +66,7 @@ def minimise(problem: Problem, order: Sequence[int], most: int) -> LabelMap:
         refine(problem, labels, beside_seams(labels, options.band), most)
     if options.windows and thorough:
         settle(problem, labels)
-    return _found(problem, labels, rounds, started)
+    return _with_figures(problem, labels, rounds, started)
 
 
 def recut(
@@ -79,29 +78,31 @@ def recut(
     solver: CutSolver | None = None,
     search: SearchOptions = FAST,
 ) -> LabelMap:
-    """Search a part of a label map again, everything else staying as it is.
+    """Search a part of a label map again, with everything else fixed.
 
-    Small parts are expanded at full size from what shows. Large ones are searched from coarse to fine in a
-    window round them, and taken over where that is cheaper.
+    A small part is expanded at full size, from the labels that it has. A large part is searched from coarse
+    to fine in a window round it, and the result is taken over if it costs less.
 
     Parameters
     ----------
     labelling : Labelling
-        Of the whole canvas.
+        The problem of the whole canvas, as :attr:`toposeam.layers.Composition.labelling`.
     label_map : LabelMap
+        Its solution so far; it is not changed.
     opened : (H, W) bool array
         The pixels that may change.
     fixed : (H, W) int16 array, optional
-        The layer that must show, -1 where any may; counts among the open pixels only. A layer must have
-        pixels where it is to show.
+        The number of the layer that must show, -1 where any may; ignored at pixels that are not open. A layer
+        must have pixels where it is fixed.
     solver : CutSolver, optional
-        Decides moves; minimum cuts by the engine that is fastest for their size by default.
+        The engine that decides moves; by default minimum cuts by the fastest algorithm for their size.
     search : SearchOptions, optional
+        The effort of the search.
 
     Returns
     -------
     LabelMap
-        The given one, where nothing is open.
+        The new label map; the given one if no pixel is open.
 
     Examples
     --------
@@ -118,29 +119,52 @@ def recut(
     box = _box_round(opened)
     if box is None:
         return label_map
-    solver = CutSolver.of("auto", {}, labelling.forbidden) if solver is None else solver
-    problem = Problem(labelling, solver, search, None, Progressed(None))
     inside = np.asarray(opened[box.slices])
-    wanted = None if fixed is None else np.where(inside, np.asarray(fixed[box.slices]), np.int16(-1))
-    window = Window(labelling, label_map.labels, box, inside, solver, wanted)
+    start = np.array(label_map.labels[box.slices])
+    if fixed is not None:
+        wanted = np.asarray(fixed[box.slices])
+        must = inside & (wanted >= 0)
+        start[must] = wanted[must]
+        inside = inside & ~must
+    part = window_of_labelling(labelling, box, _choices_in(labelling, box, start, inside))
+    part.make_allowed(start)
+    solver = CutSolver.of("auto", {}, labelling.forbidden) if solver is None else solver
+    problem = Problem(part, solver, search, None, Progressed(None))
     if np.count_nonzero(inside) <= _EXPANDED_PIXELS or min(box.shape) < 4 * search.shortest:
-        found = expanded(window)
+        found = expand_from(problem, start)
     else:
-        found = _from_coarse_in(window, problem)
+        found = dense(_from_coarse(problem, problem.order, _PART_ROUNDS, search.wandering[0])[0])
+        if part.total(found, part.canvas) > part.total(start, part.canvas):
+            found = start
     labels = label_map.labels.copy()
     labels[box.slices] = found
-    return _found(problem, labels, label_map.rounds, started - label_map.seconds)
+    return _with_figures(problem, labels, label_map.rounds, started - label_map.seconds)
 
 
-def _found(problem: Problem, labels: Labels, rounds: int, started: float) -> LabelMap:
-    """Return the labels with how they were found since a time."""
+def _choices_in(labelling: Labelling, box: Box, shows: Labels, free: Mask) -> list[Mask]:
+    """Per layer, (h, w) bool in a box: where it may be chosen among free pixels, or shows at others; an empty
+    one for a layer that lies elsewhere. A free pixel at which no layer is allowed keeps what it shows.
+    """
+    near = [k for k, place in enumerate(labelling.places) if all(place.shared(box).shape)]
+    allowed = {k: labelling.allowed_in(k, box) & free for k in near}
+    stays = ~np.any(list(allowed.values()), axis=0) if near else ~free
+    return [
+        allowed[k] | (stays & (shows == k)) if k in allowed else np.zeros((0, 0), bool)
+        for k in range(len(labelling.places))
+    ]
+
+
+def _with_figures(problem: Problem, labels: Labels, rounds: int, started: float) -> LabelMap:
+    """Return a label map with the engine, rounds and seconds of its search, which began at `started`."""
     method, settings = problem.engine
     seconds = time.perf_counter() - started
     return LabelMap(labels=labels, method=method, settings=settings, rounds=rounds, seconds=seconds)
 
 
 def _box_round(opened: Mask) -> Box | None:
-    """The smallest box with all True pixels of a mask, and a pixel more on each side on the canvas."""
+    """Return the smallest box with all True pixels of a mask, grown by a pixel on the canvas; None if there
+    are none.
+    """
     canvas, found = Box(0, 0, *opened.shape), None
     for block in blocks(canvas):
         inside = opened[block.slices] if uniform(opened, block) is not np.False_ else None
@@ -151,31 +175,11 @@ def _box_round(opened: Mask) -> Box | None:
     return None if found is None else found.grown(1).shared(canvas)
 
 
-def _from_coarse_in(window: Window, problem: Problem) -> Labels:
-    """(h, w) int16 labels of a window, searched from coarse to fine, or those it starts from, if cheaper."""
-    labelling = window_of_labelling(window.labelling, window.box, _allowed_in(window))
-    part = dataclasses.replace(problem, labelling=labelling, executor=None)
-    start = window.start
-    found, _ = _from_coarse(part, part.order, _ROUNDS, problem.search.wandering[0])
-    found = np.where(window.opened, dense(found), start)
-    box = labelling.canvas
-    return found if labelling.total(found, box) <= labelling.total(start, box) else start
-
-
-def _allowed_in(window: Window) -> list[Mask]:
-    """(h, w) bool of each layer of the canvas: where it may show in a window, or shows and must stay."""
-    start = window.start
-    return [
-        window.may_show(k) | (start == k) if all(place.shared(window.box).shape) else np.zeros((0, 0), bool)
-        for k, place in enumerate(window.labelling.places)
-    ]
-
-
 def _from_coarse(problem: Problem, order: Sequence[int], most: int, wandering: float) -> tuple[Labels, int]:
-    """The label map that costs reduced in one way lead to, and the number of rounds of expansions."""
+    """Search with costs reduced in one way; return the label map and the number of rounds of expansions."""
     levels = _levels(problem, wandering)
     few = problem.search.near_ties
-    # At half the size of small problems near ties are looked for among all pixels; smaller sizes need none.
+    # Small problems need near ties only at half the size, and look for them at all pixels.
     small = len(levels) > 1 and most > 0 and levels[1].labelling.contested(few + 1) <= few
 
     def tied() -> bool:
@@ -195,7 +199,7 @@ def _from_coarse(problem: Problem, order: Sequence[int], most: int, wandering: f
 
 
 def _levels(problem: Problem, wandering: float) -> list[Problem]:
-    """The problem at all its sizes, the full one first."""
+    """Return the problem at all its sizes, the full size first."""
     labelling, options = problem.labelling, problem.search
     small = labelling.contested(options.small + 1) <= options.small
     whole = options.coarsest if small else max(options.coarsest, options.coarsest_large)
@@ -211,11 +215,10 @@ def _levels(problem: Problem, wandering: float) -> list[Problem]:
 
 
 def _fuse(problem: Problem, label_map: Labels, other: Labels) -> None:
-    """Take another label map, in place, wherever it is cheaper in a whole patch of pixels in which the two
-    differ.
+    """Take over another label map, in place, in each connected patch of differing pixels where it is cheaper.
 
-    No interface touches two patches, or they would be one. So the cost of each does not depend on the choice
-    for the others, and the cheaper one of each is the best of all mixtures of whole patches.
+    No interface touches two patches, or they would be one. So the cost of each is independent of the choice
+    for the others, and the cheaper choice for each gives the best mixture of whole patches.
     """
     labelling = problem.labelling
     one, two = dense(label_map), dense(other)

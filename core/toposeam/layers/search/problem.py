@@ -1,4 +1,4 @@
-"""The search for a label map: its problem at one size, and how it is solved."""
+"""A labelling problem at one size, with the means of its solution."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from toposeam.layers.search.two_label_band import Pixels
 from toposeam.seam.cut_solver import CutSolver
 from toposeam.seam.find import Method
 
-#: Of each layer rows and columns of the pixels, at half the size, where it nearly shows.
+#: Per layer, the rows and columns of pixels, at half the size, where it nearly shows.
 Ties = dict[int, Pixels]
 
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """A labelling problem at one size, and how it is solved."""
+    """A labelling problem at one size, with the solver and options of its search."""
 
     labelling: Labelling
-    #: Decides moves.
+    #: The engine that decides moves.
     solver: CutSolver
     search: SearchOptions
     executor: Executor | None
@@ -40,19 +40,17 @@ class Problem:
         executor: Executor | None = None,
         steps: Progressed | None = None,
     ) -> Problem:
-        """The problem at full size, by a method and its options as for :func:`toposeam.find_seam`."""
+        """Return the problem at full size; method and options are those of :func:`toposeam.find_seam`."""
         solver = CutSolver.of(method, options, labelling.forbidden)
         return cls(labelling, solver, search, executor, steps or Progressed(None))
 
     def reduced(self, labelling: Labelling) -> Problem:
-        """The same problem at a smaller size, where rough solutions will do."""
+        """Return the same problem at a smaller size, where rough solutions are good enough."""
         return dataclasses.replace(self, labelling=labelling, solver=self.solver.rougher(self.search.rough))
 
     @property
     def engine(self) -> tuple[str, dict[str, Any]]:
-        """The name of what decides moves, and its options; expansions are maximum flows where no method is
-        named.
-        """
+        """The name of the engine that decides moves, and its options; "graph-cut" if no method is named."""
         solver = self.solver
         if solver.method == "auto":
             return "graph-cut", {}

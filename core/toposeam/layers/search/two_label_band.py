@@ -1,10 +1,9 @@
-"""Two layers divided anew in the band of pixels beside their seam.
+"""Divide two layers anew in the band of pixels beside their seam.
 
-Beside a seam of a few thousand pixels, in an overlap of millions, only a band may change. It is taken out as
-a list of pixels: each is a node, each interface it takes part in an element, and what shows around, be it one
-of the two layers or a third one, is a terminal it is tied to. Nothing as large as the overlap is computed;
-match costs are, tile by tile where the band passes. Bands that do not touch may be divided by other
-processes.
+Beside a seam of a few thousand pixels, in an overlap of millions, only a band may change. Its pixels become a
+list of nodes, and the interfaces between them elements. The layers that show around the band, one of the two
+or a third one, become terminals. Nothing as large as the overlap is computed: match costs are evaluated tile
+by tile along the band. Bands that do not touch may be divided in other processes.
 """
 
 from __future__ import annotations
@@ -21,37 +20,38 @@ from toposeam.arrays import Floats, Indices, Labels, Mask
 from toposeam.heat.threads import one_thread
 from toposeam.layers.canvas.layer import Box, cut
 from toposeam.layers.canvas.tile_map import TILE, uniform
-from toposeam.layers.labelling.problem import Labelling, Pair, PairCost
+from toposeam.layers.labelling.label_map import Pair
+from toposeam.layers.labelling.problem import Labelling, PairCost
 from toposeam.seam.cut_solver import CutSolver
 from toposeam.seam.exact.expansion import LEAST_GAIN, BinaryCut
 
 #: Rows and columns of pixels of the canvas.
 Pixels = tuple[Indices, Indices]
 
-#: Side of the tiles in which costs are looked at, px.
-_TILE = 192
+#: Side of the tiles in which costs are evaluated, px.
+_COST_TILE = 192
 
 
 @dataclass(frozen=True, eq=False)
 class Band:
     """Pixels that show one of two layers and may show the other."""
 
-    #: (n,) on the canvas.
+    #: (n,) rows and columns on the canvas.
     rows: Indices
     columns: Indices
-    #: (n,) bool, which of them show the second layer now.
+    #: (n,) bool: True at pixels that show the second layer now.
     second: Mask
-    #: The second layer is the hot terminal.
+    #: The cut between the layers; the second one is the hot terminal.
     cut: BinaryCut
 
     def total(self, second: Mask) -> float:
-        """Σ M over the interfaces that a division of the pixels cuts."""
+        """Compute Σ M over the interfaces that a division of the pixels cuts."""
         ends = np.append(second, [False, True])
         return float(self.cut.cost[ends[self.cut.tail] != ends[self.cut.head]].sum())
 
 
 def band_of(labelling: Labelling, label_map: Labels, pair: Pair, opened: Mask | None) -> Band | None:
-    """The opened pixels that show one of two layers and may show either; None where there are none.
+    """Find the open pixels that show one of two layers and may show either; None if there are none.
 
     Parameters
     ----------
@@ -87,11 +87,11 @@ def band_of(labelling: Labelling, label_map: Labels, pair: Pair, opened: Mask | 
 def _joined(
     labelling: Labelling, pair: Pair, box: Box, labels: npt.NDArray[np.int16], at: Indices, second: Mask
 ) -> Band:
-    """The band of some pixels of a box, given by flat indices."""
+    """Pose the cut of a band whose pixels are given by flat indices in a box."""
     n, width = len(at), box.shape[1]
     node = np.full(labels.size, -1, np.int32)
     node[at] = np.arange(n, dtype=np.int32)
-    # Of each pair of layers: nodes, what they are joined to, the first pixel of the interface, its direction.
+    # Per pair of layers: the nodes, their neighbours, the first pixel of each interface, and its axis.
     found: dict[Pair, list[tuple[Indices, ...]]] = {pair: []}
 
     def add(layers: Pair, own: Indices, head: Indices, first: Indices, axis: int) -> None:
@@ -133,7 +133,7 @@ def _joined(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Division:
-    """Two layers to be divided anew, in this process or another one."""
+    """A pair of layers to be divided anew, as a task for this process or another one."""
 
     labelling: Labelling
     label_map: Labels
@@ -145,15 +145,15 @@ class Division:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Divided:
-    """The cheapest seam among the open pixels of two layers."""
+    """The pixels that a division changes."""
 
-    #: Pixels that change, and the layers that show there from now on.
+    #: The pixels that change, and the layers that they show then.
     pixels: Pixels
     values: npt.NDArray[np.int16]
 
 
 def divided(division: Division) -> Divided | None:
-    """Find the cheapest seam of two layers; None where no pixel is open."""
+    """Find the cheapest seam of two layers; None if no pixel is open."""
     pair = division.pair
     band = band_of(division.labelling, division.label_map, pair, division.near)
     if band is None:
@@ -169,12 +169,12 @@ def divided(division: Division) -> Divided | None:
 
 
 def costs_at(cost: PairCost, box: Box, first: Indices, axis: Indices) -> Floats:
-    """The costs of some interfaces, each given by the flat index in a box of its left (axis 1) or upper pixel
-    (axis 0).
+    """Return the costs of interfaces that are given by the flat index of their left (axis 1) or upper (axis
+    0) pixel in a box.
     """
     result = np.zeros(len(first))
     rows, columns = np.divmod(first, box.shape[1])
-    for part in _by_tile(rows, columns, _TILE):
+    for part in _by_tile(rows, columns, _COST_TILE):
         r, c, along = rows[part], columns[part], axis[part]
         top, left, bottom, right = int(r.min()), int(c.min()), int(r.max()) + 2, int(c.max()) + 2
         across, down = cost.on(Box(top, left, bottom, right).moved(box.top, box.left))
@@ -184,7 +184,7 @@ def costs_at(cost: PairCost, box: Box, first: Indices, axis: Indices) -> Floats:
 
 
 def _by_tile(rows: Indices, columns: Indices, side: int) -> list[Indices]:
-    """Which pixels lie in each tile."""
+    """Group pixels by tiles; return their indices."""
     if not len(rows):
         return []
     key = rows // side * (int(columns.max()) // side + 1) + columns // side
@@ -195,7 +195,7 @@ def _by_tile(rows: Indices, columns: Indices, side: int) -> list[Indices]:
 def write_pixels(
     label_map: npt.NDArray[Any], rows: Indices, columns: Indices, values: npt.NDArray[Any]
 ) -> None:
-    """Change some pixels of a map in place."""
+    """Write values at some pixels of a map, in place."""
     if isinstance(label_map, np.ndarray):
         label_map[rows, columns] = values
         return

@@ -119,8 +119,8 @@ def test_composing_by_windows_equals_stitching_at_once(blend, alpha, sparse):
 def test_no_layer_is_read_as_a_whole(count, sparse, monkeypatch):
     monkeypatch.setattr(painter, "BLOCK", 64)
     monkeypatch.setattr(pair_cost, "_BLOCK_PIXELS", 2000)
-    monkeypatch.setattr(reduction, "_ROWS", 8)
-    monkeypatch.setattr(reduction, "_WANTED_ROWS", 8)
+    monkeypatch.setattr(reduction, "_OVERLAP_ROWS", 8)
+    monkeypatch.setattr(reduction, "_BAND_ROWS", 8)
     given = layers(count, windows=True)
     composed = ts.stitch(given, blend="multiband", blend_width=8)
     composed.window(slice(0, 64), slice(0, 64))

@@ -8,7 +8,7 @@ from scipy import ndimage
 from skimage import data
 
 import toposeam as ts
-from toposeam.layers.composite.local_warp import bend, check_give
+from toposeam.layers.composite.local_warp import bend
 
 WHOLE = data.astronaut()[:300, 100:420].copy()
 
@@ -113,11 +113,11 @@ def test_displacements_are_checked(give):
 
 def test_given_seams_exclude_it():
     with pytest.raises(ts.OptionError, match="leave one of them out"):
-        check_give(3, {(0, 1): "path"})
+        ts.layers.StitchOptions(give=3, use_path={(0, 1): "path"})
     with pytest.raises(ts.OptionError, match="use_path"):
-        check_give(3, np.ones((8, 8)))
-    check_give(0, {(0, 1): "path"})
-    check_give(3, {})
+        ts.layers.StitchOptions(give=3, use_path=np.ones((8, 8)))
+    ts.layers.StitchOptions(give=0, use_path={(0, 1): "path"})
+    ts.layers.StitchOptions(give=3, use_path={})
 
 
 PERIOD = 480

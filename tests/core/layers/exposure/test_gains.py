@@ -8,8 +8,7 @@ from toposeam.layers.canvas import Box, extent_of
 from toposeam.layers.exposure import encoded
 from toposeam.layers.exposure import gains as tones
 from toposeam.layers.exposure.gains import LARGEST_GAIN, tone_gains
-from toposeam.layers.exposure.linear_light import KNEE, decoded, finished, rolled
-from toposeam.layers.exposure.scaled_layers import WHITE, Field, Toned
+from toposeam.layers.exposure.linear_light import KNEE, WHITE, Field, Toned, decoded, finished, rolled
 
 DTYPES = [np.uint8, np.uint16, np.float32]
 
@@ -266,7 +265,7 @@ def test_counted_highlights_are_the_sorted_ones(count, dtype, white):
     light = decoded(share)
     telling = light[(light > tones._SHOWING[0]) & (light < tones._SHOWING[1])]
     expected = np.quantile(telling, 0.999) if len(telling) else 0.0
-    assert tones._counted(values, float(white)) == pytest.approx(expected, rel=1e-12)
+    assert tones._brightest_by_counting(values, float(white)) == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize("holes", [False, True])
@@ -280,7 +279,7 @@ def test_ratios_of_counted_bytes_are_those_of_sorted_logarithms(holes):
         layers.append(ts.Layer(image, alpha=alpha, at=(x, 0)))
     places = [extent_of(layers).place(layer) for layer in layers]
     common = places[0].shared(places[1])
-    planes, step = tones._both(*zip(layers, places, strict=True), common, 3, False)
+    planes, step = tones._common_light(*zip(layers, places, strict=True), common, 3, False)
     found = tones._log_ratios((layers[0], places[0], layers[1], places[1], 3, False))
     for known, (one, other, both) in zip(found[:2], planes[:2], strict=True):
         assert known == (

@@ -7,9 +7,8 @@ from scipy import ndimage
 import toposeam as ts
 from toposeam.layers.canvas import Box
 from toposeam.layers.exposure import encoded
-from toposeam.layers.exposure.linear_light import decoded
-from toposeam.layers.exposure.scaled_layers import Field
-from toposeam.layers.exposure.shading import shading, weights_along
+from toposeam.layers.exposure.gains import fit_fields
+from toposeam.layers.exposure.linear_light import Field, decoded, weights_along
 
 SIDE, STEP = 240, 160
 
@@ -142,12 +141,12 @@ def test_splines_add_up_to_one_and_give_parabolas_exactly():
 
 def test_windows_of_a_field_are_those_of_the_whole():
     field = Field(np.random.default_rng(0).normal(0, 0.1, (5, 5)), Box(0, 0, 60, 80))
-    whole = field.logarithm(range(60), field.across(range(80)))
-    part = field.logarithm(range(7, 30, 2), field.across(range(9)))
+    whole = field.logarithm(range(60), range(80))
+    part = field.logarithm(range(7, 30, 2), range(9))
     np.testing.assert_allclose(part, whole[7:30:2, :9])
 
 
 def test_without_telling_pixels_there_is_no_field():
     places = [Box(0, 0, 50, 50), Box(0, 30, 50, 80), Box(200, 200, 220, 220)]
-    fields = shading(places, lambda i, j, box: (np.full(box.shape, np.nan), 1))
+    fields = fit_fields(places, lambda i, j, box: (np.full(box.shape, np.nan), 1))
     assert all((np.exp(field) == 1).all() for field in fields)

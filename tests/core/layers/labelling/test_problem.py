@@ -246,7 +246,7 @@ def test_reach_is_computed_from_every_second_row_and_column(at):
     cost = posed([ts.Layer(images[0]), ts.Layer(images[1], at=at)]).costs[0, 1]
     for image in images:
         image.seen = 0
-    found = cost._seen_by(16.0)
+    found = cost._computed_reach(16.0)
     canvas = extent_of([ts.Layer(first), ts.Layer(second, at=at)])
     colours, both = [], True
     for pixels, place in zip((first, second), cost._pictures.places, strict=True):
@@ -383,12 +383,12 @@ def test_a_reduced_interface_mixes_minimum_and_middle_of_three():
     w = 0.6
     expected = [[w * 3 + (1 - w) * 3, w * 1 + (1 - w) * 4, 0.0]]
     expected[0][2] = w * 1 + (1 - w) * 2
-    np.testing.assert_allclose(reduction._of_three(cost, w), expected, rtol=1e-6)
+    np.testing.assert_allclose(reduction._reduced_columns(cost, w), expected, rtol=1e-6)
     cost[0, 3] = 0  # the overlap ends inside of the second pair and begins again inside of the third
     expected[0][1] = w * 1 + (1 - w) * 1
-    np.testing.assert_allclose(reduction._of_three(cost, w), expected, rtol=1e-6)
+    np.testing.assert_allclose(reduction._reduced_columns(cost, w), expected, rtol=1e-6)
     cost[0, 2:5] = 0
-    assert reduction._of_three(cost, w)[0, 1] == 0
+    assert reduction._reduced_columns(cost, w)[0, 1] == 0
 
 
 def sliver(left, height=120):

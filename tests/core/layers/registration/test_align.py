@@ -42,7 +42,7 @@ def test_known_shifts_are_found_again(seed, off):
 def test_large_overlaps_are_compared_on_a_coarser_scale_first(monkeypatch):
     from toposeam.layers.registration import align
 
-    monkeypatch.setattr(align, "_COARSE_PIXELS", 4000)
+    monkeypatch.setattr(align, "_COMPARED_PIXELS", 4000)
     layers, errors = crops(off=14)
     np.testing.assert_array_equal(ts.layers.align(layers).shifts, -errors)
 
@@ -61,7 +61,7 @@ def test_narrow_strips_and_transparency():
 def test_a_pair_that_fits_beyond_the_radius_only_tells_nothing(monkeypatch, shift):
     scene = np.random.default_rng(0).random((60, 110))
     pair = ts.Layer(scene[:, :70]), ts.Layer(scene[:, 40:], at=(40, 0))
-    monkeypatch.setattr(align, "_refined", lambda *_: (np.array(shift), 0.9, 5000))
+    monkeypatch.setattr(align, "_refine", lambda *_: (np.array(shift), 0.9, 5000))
     assert align._match((*pair, 8)) is None
     assert align._match((*pair, 9))[0].tolist() == [shift[1], shift[0]]
 
@@ -136,12 +136,12 @@ def test_pairs_that_agree_elsewhere_are_outvoted_or_refused():
     places = np.random.default_rng(0).integers(-9, 9, (9, 2))
     places[0] = 0
     names = [f"p{index}" for index in range(9)]
-    positions, used = align._agreed(names, shifts_of(places, {}))
+    positions, used = align._vote_on_shifts(names, shifts_of(places, {}))
     np.testing.assert_allclose(positions, places, atol=1e-4)
     assert len(used) == 20
-    positions, used = align._agreed(names, shifts_of(places, {(4, 5): (24, 0)}))
+    positions, used = align._vote_on_shifts(names, shifts_of(places, {(4, 5): (24, 0)}))
     np.testing.assert_allclose(positions, places, atol=1e-4)
     assert len(used) == 19
     assert (4, 5) not in used
     with pytest.raises(ts.OverlapError, match=r"p0 and p1 agree where the other layers .* up to 24 px"):
-        align._agreed(names, shifts_of(places, {(0, 1): (24, 0)}))  # two others hold the corner
+        align._vote_on_shifts(names, shifts_of(places, {(0, 1): (24, 0)}))  # two others hold the corner

@@ -11,7 +11,7 @@ from rendered import around, before_a_wall, corner_error
 from toposeam.layers.canvas import NOWHERE, PlaneTransform
 from toposeam.layers.registration import Match, adjust_cameras, adjust_plane, applied, left_over
 from toposeam.layers.registration.bundle_adjustment import _Points, _Problem, spanning_tree
-from toposeam.layers.registration.models import _voted
+from toposeam.layers.registration.perspective import ModelFit, _explains, _fit_agreeing
 
 SIZE = (360, 240)
 FOCAL = 400.0
@@ -226,7 +226,7 @@ def test_points_of_a_pair_are_apart_by_what_was_added():
     bundle = adjust_plane(sizes_of(views), matches)
     one = matches[0, 1]
     moved = dataclasses.replace(one, second=one.second + np.array([3.0, -4.0]))
-    assert bundle.off((0, 1), moved) == pytest.approx(np.full(60, 5.0), abs=1e-3)
+    assert bundle.distances((0, 1), moved) == pytest.approx(np.full(60, 5.0), abs=1e-3)
     far = dataclasses.replace(one, second=one.second + 500.0)
     assert left_over(bundle, {(0, 1): far}) == pytest.approx(20)
 
@@ -256,7 +256,9 @@ ADJUST = {"rotation": adjust_cameras, "plane": adjust_plane}
 def voted(views, matches, family):
     sizes = sizes_of(views)
     given = dict(sorted(matches.items()))
-    return _voted(sizes, given, lambda own, start=None: partial(ADJUST[family], sizes, own)(start=start))
+    return _fit_agreeing(
+        sizes, given, lambda own, start=None: partial(ADJUST[family], sizes, own)(start=start)
+    )
 
 
 @pytest.mark.medium
@@ -321,3 +323,16 @@ def test_one_wrong_pair_of_three_is_told_but_not_which():
     fit = voted(views, matches, "plane")
     assert fit.outvoted
     assert not fit.clear
+
+
+@pytest.mark.parametrize(("of_camera", "of_plane", "explains"), [(1, 2, True), (2, 1, False)])
+def test_a_model_that_outvotes_fewer_pairs_is_taken(of_camera, of_plane, explains):
+    """Whatever is left of the pairs, which nobody looks at."""
+    matches = {(0, number): None for number in range(1, 8)}
+
+    def fit(outvoted):
+        wrong = tuple(matches)[:outvoted]
+        kept = {pair: one for pair, one in matches.items() if pair not in wrong}
+        return ModelFit(bundle=None, matches=kept, outvoted=wrong, clear=True)
+
+    assert _explains(fit(of_camera), fit(of_plane), matches) is explains

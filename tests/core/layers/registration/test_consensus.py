@@ -9,7 +9,7 @@ import pytest
 from skimage import data
 
 import toposeam as ts
-from toposeam.layers.registration import Match, pair_matching, without_contradictions
+from toposeam.layers.registration import Match, evidence_of, pair_matching, without_contradictions
 from toposeam.layers.registration.refusals import check_exact, check_joined
 
 WIDTH, HEIGHT = 300, 200
@@ -169,14 +169,14 @@ def test_a_match_elsewhere_is_told_and_not_used(monkeypatch):
     whole = data.camera()[120:260, 100:360]
     lefts = (0, 40, 80, 120)
     pictures = [ts.Layer(whole[:, left : left + 120].copy(), name=str(left)) for left in lefts]
-    own = pair_matching.Sightings.matches
+    own = pair_matching.PairMatcher.matches
 
     def found(self, *given):
         matches, best = own(self, *given)
         points = np.random.default_rng(0).uniform(10, 100, (8, 2))
         return {**matches, (0, 3): Match(points, points, 0.7)}, best
 
-    monkeypatch.setattr(pair_matching.Sightings, "matches", found)
+    monkeypatch.setattr(pair_matching.PairMatcher, "matches", found)
     placement = ts.find_places(pictures)
     assert [layer.at[0] for layer in placement.layers] == pytest.approx(lefts, abs=1)
     assert placement.outvoted == ((0, 3),)
@@ -248,3 +248,10 @@ def test_how_well_pairs_correlate_counts_up_to_noise(right, wrong, clear):
         return
     with pytest.raises(ts.OverlapError, match="too little else shows which is right"):
         without_contradictions(NAMES, SIZES, matches)
+
+
+def test_identical_parts_have_no_infinite_evidence():
+    most = evidence_of(1.0, 10)
+    assert most == evidence_of(0.9995, 10) == pytest.approx(-10 * math.log(1 - 0.999**2))
+    assert 0 < evidence_of(0.99, 10) < most
+    assert evidence_of(-0.3, 10) == 0

@@ -44,13 +44,13 @@ LINE_ROOMS = (*CLASS_ROOMS, STITCH, "plugin_gimp/toposeam_engine")
 
 #: The most that each figure may be. They may only fall: lower a limit in the commit that lowers its figure.
 LIMITS = {
-    "files that a stitch runs": 131,
-    "steps of a stitch into another file": 5300,
-    "classes of a stitch": 99,
-    "places of an option": 6,
-    "forms of JSON": 4,
-    "branches of a function": 41,
-    "constants of a room": 112,
+    "files that a stitch runs": 115,
+    "steps of a stitch into another file": 1700,
+    "classes of a stitch": 95,
+    "places of an option": 4,
+    "forms of JSON": 1,
+    "branches of a function": 26,
+    "constants of a room": 75,
 }
 
 

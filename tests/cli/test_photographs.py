@@ -314,7 +314,7 @@ def test_a_plane_where_it_is_asked_for(views, toposeam, scene):
     words = *TWO, "--model", "plane", "--crop", "outside"
     plane = told(toposeam, *words, "--save-layout", "out.toml", "-o", "out.png")
     assert plane["model"] == "plane"
-    assert "focal_px" not in plane
+    assert plane["focal_px"] is None
     assert plane["misfit_px"] < 0.3
     assert "matrix = " in Path("out.toml").read_text()
     assert_placed(scene)

@@ -66,7 +66,7 @@ CALLS = {
     "match_tones": lambda a, b: ts.layers.match_tones(pair(a, b)),
     "find_places": lambda a, b: ts.find_places(pair(a, b)),
     "placed": lambda a, b: ts.layers.placed(ts.Layer(a), at=(0, 0), turn=1),
-    "restitch": lambda a, b: ts.layers.restitch(pair(a, b), HALF, {}, blend="multiband"),
+    "restitch": lambda a, b: ts.layers.restitch(pair(a, b), HALF, {}, blend="multiband").image,
     "palette": lambda a, b: ts.motif.palette(a, 3),
     "kaleidoscope": lambda a, b: ts.motif.kaleidoscope(a, "p4m", (16, 16)),
     "border_visibility": lambda a, b: ts.motif.border_visibility(a, (8, 8)),

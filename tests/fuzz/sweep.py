@@ -46,6 +46,11 @@ def by_name(known):
         "overlapping": {"a": wide, "b": wide, "overlap": 20},
         "placed": {"layer": crops[0], "at": (3, 4)},
         "read_svg": {"source": seam.to_svg()},
+        "recut": {
+            "labelling": joined.labelling,
+            "label_map": joined.solution,
+            "opened": np.ones(joined.shape, bool),
+        },
         "restitch": {"layers": layers, "masks": joined.masks, "paths": {(0, 1): path}},
         "seam_verdict": {"seam": ts.find_seam(wide, wide[::-1]), "a": wide, "b": wide[::-1]},
     }

@@ -182,7 +182,7 @@ def test_the_engine_says_ranges_of_what_is_no_setting():
 def test_layers_that_repeat_themselves_are_named_in_gimps_words():
     found = {(i, j): (np.array([5.0 * (i == 0), 0]), 0.9, 10.0) for i, j in ((0, 1), (0, 2), (1, 2))}
     with pytest.raises(TopoSeamError, match="leave out aligning") as refused:
-        align._agreed(["sky", "sea", "sand"], found | {(1, 2): (np.array([24.0, 0]), 0.9, 10.0)})
+        align._vote_on_shifts(["sky", "sea", "sand"], found | {(1, 2): (np.array([24.0, 0]), 0.9, 10.0)})
     shown = sentences.in_gimps_words(described(refused.value))
     assert "where these layers belong: sky and sea, sky and sand, sea and sand." in shown
     assert_gimps(shown)

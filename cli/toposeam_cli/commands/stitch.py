@@ -13,12 +13,10 @@ from click.core import ParameterSource
 
 import toposeam as ts
 from toposeam.images import Windows
-from toposeam.layers.labelling.posing import check_pairs
 from toposeam_cli.app.command import Command
 from toposeam_cli.app.options import FILE, force_option, placement, quiet_option, taken
 from toposeam_cli.app.progress import share_bar
 from toposeam_cli.files.writing import all_or_nothing
-from toposeam_cli.jobs.crew import processes_of
 from toposeam_cli.stitching.inputs import PlacedPictures, arrange
 from toposeam_cli.stitching.joining import join
 from toposeam_cli.stitching.outputs import Outputs, check_outputs, crop_of, numbered, output_options
@@ -93,7 +91,7 @@ def stitch(first: Path, second: Path | None, others: tuple[Path, ...], **given: 
     def joined(
         members: Sequence[Path], finding: FindingOptions, out: Outputs
     ) -> tuple[PlacedPictures, dict[str, Any]]:
-        with means_of(out.output.parent, members, processes_of(given["processes"]), given["dask"]) as means:
+        with means_of(out.output.parent, members, given["processes"], given["dask"]) as means:
             return _stitch(members, where, finding, find, out, given, means)
 
     job, result = joined(files, finding, out)
@@ -156,7 +154,10 @@ def _stitch(
     wrap = find.of_stitch("wrap")
     find = find.with_stitch(wrap=width_round(job.wrap if wrap is None else wrap, job.files or files))
     crop = crop_of(out, job.layers, goes_round=find.of_stitch("wrap") is not None)
-    check_pairs(job.layers)
+    if len(job.layers) > 2:
+        from toposeam.layers.labelling.posing import check_pairs
+
+        check_pairs(job.layers)
     warnings = [] if out.quiet else strangers(job, find.of_stitch("wrap"), means.workers)
     composed = join(job, find, out, files, means)
     warnings += [] if out.quiet else hidden(composed, _remedy_for_hidden(find))

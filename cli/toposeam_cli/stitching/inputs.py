@@ -7,7 +7,7 @@ from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -19,13 +19,15 @@ from toposeam.layers.execution.tasks import Executor, results
 from toposeam.layers.registration.find_places import PlaceOptions, among, found_places
 from toposeam_cli.app.options import Keyed
 from toposeam_cli.files.regular import check_pattern
-from toposeam_cli.files.scratch import Scratch
 from toposeam_cli.media.pictures.decode import check_together, size_of
 from toposeam_cli.media.pictures.lens import exposure, focal_length, in_pixels, is_fisheye, noted
 from toposeam_cli.media.pictures.masks import read_white
 from toposeam_cli.media.pictures.picture import Picture, match_pictures, read_picture
 from toposeam_cli.stitching.positions import Where, places_of
 from toposeam_cli.stitching.resample import placed_layers
+
+if TYPE_CHECKING:
+    from toposeam_cli.files.scratch import Scratch
 
 #: Metadata of a photograph, by EXIF tag.
 _Notes: TypeAlias = Mapping[int, Any]

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import scipy
@@ -17,12 +17,14 @@ from toposeam.arrays import Image
 from toposeam.images import Windows, full_scale
 from toposeam.layers.canvas.layer import Box
 from toposeam.layers.execution.tasks import Executor
-from toposeam_cli.files.scratch import Scratch
 from toposeam_cli.files.writing import all_or_nothing, atomic_write
 from toposeam_cli.media.pictures.background import colour_of, on_background
-from toposeam_cli.media.pictures.picture import Keep, Picture, write_picture
+from toposeam_cli.media.pictures.picture import Picture, write_picture
 from toposeam_cli.stitching.inputs import PlacedPictures
 from toposeam_cli.stitching.outputs import Outputs, largest_opaque, write_composite
+
+if TYPE_CHECKING:
+    from toposeam_cli.files.scratch import Scratch
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,25 +114,20 @@ def write(
     The stored pixels of layers are not read again, so their disk space is freed first.
     """
     composed, picture = rendered.composition, rendered.picture
+    drawn = _drawn(rendered, out)  # seams are looked up before the layers' files are emptied
     keep = None
-    if job.stored:
-        values: list[Any] = [picture.pixels, picture.alpha]
+    if job.stored and scratch is not None:
         from toposeam_cli.media.pictures.raw import Stored
         from toposeam_cli.media.pictures.stored import store
 
+        values: list[Any] = [picture.pixels, picture.alpha]
         scratch.empty(path for part in values if isinstance(part, Stored) for path in part.paths)
         keep = partial(store, scratch=scratch)
     with all_or_nothing():
         for path, document in documents:
             atomic_write(path, document, out.force)
-        if out.labels is not None:
-            from toposeam_cli.stitching.drawn_pictures import LabelPicture
-
-            _write_drawn(out.labels, LabelPicture(composed), out, keep)
-        if out.overlay is not None:
-            from toposeam_cli.stitching.drawn_pictures import Overlay
-
-            _write_drawn(out.overlay, Overlay(composed, picture.pixels), out, keep)
+        for path, pixels in drawn:
+            write_picture(path, Picture(pixels=cast(np.ndarray, pixels)), out.force, keep=keep)
         if out.output.suffix.lower() == ".ora":
             from toposeam_cli.media.pictures.openraster import write_ora
 
@@ -139,5 +136,15 @@ def write(
             write_composite(out, picture, keep)
 
 
-def _write_drawn(path: Path, pixels: Windows, out: Outputs, keep: Keep | None) -> None:
-    write_picture(path, Picture(pixels=cast(np.ndarray, pixels)), out.force, keep=keep)
+def _drawn(rendered: Rendered, out: Outputs) -> list[tuple[Path, Windows]]:
+    """Return the pictures that are drawn beside the joined one, with their files."""
+    if out.labels is None and out.overlay is None:
+        return []
+    from toposeam_cli.stitching.drawn_pictures import LabelPicture, Overlay
+
+    composed, drawn = rendered.composition, list[tuple[Path, Windows]]()
+    if out.labels is not None:
+        drawn.append((out.labels, LabelPicture(composed)))
+    if out.overlay is not None:
+        drawn.append((out.overlay, Overlay(composed, rendered.picture.pixels)))
+    return drawn

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -18,10 +18,11 @@ from toposeam.layers.canvas.layer import Box
 from toposeam.layers.canvas.transforms import Transform, is_move
 from toposeam.layers.canvas.warping import coordinates, inside, on_canvas, warped_box
 from toposeam.layers.execution.tasks import Executor, results
-from toposeam_cli.files.scratch import Scratch
 from toposeam_cli.media.pictures.libvips import channels, evaluate, load_vips, to_vips
 from toposeam_cli.media.pictures.picture import Picture
-from toposeam_cli.media.pictures.stored import stored_at, stored_in
+
+if TYPE_CHECKING:
+    from toposeam_cli.files.scratch import Scratch
 
 #: Number of rows of the canvas that are warped at once, and margin of source rows, px, that a bicubic spline
 #: needs.
@@ -83,6 +84,8 @@ def toned_layers(
 
 def _toned(item: tuple[ts.Layer, Path]) -> ts.Layer:
     layer, waits = item
+    from toposeam_cli.media.pictures.stored import stored_in
+
     return replace(layer, image=stored_in(waits, Picture(pixels=layer.image)).pixels)
 
 
@@ -117,6 +120,8 @@ def _warped(item: _Warp) -> ts.Layer:
             np.concatenate([getattr(part, name) for part in parts]) for name in ("pixels", "alpha")
         )
     else:
+        from toposeam_cli.media.pictures.stored import stored_at
+
         picture = stored_at(item.waits, strips)
         pixels, alpha = picture.pixels, cast(np.ndarray, picture.alpha)
     return replace(

@@ -158,7 +158,7 @@ class Means:
 
 
 @contextmanager
-def means_of(folder: Path, files: Sequence[Path], processes: int, dask: str | None) -> Iterator[Means]:
+def means_of(folder: Path, files: Sequence[Path], processes: int | None, dask: str | None) -> Iterator[Means]:
     """Open the storage and workers the options ask for, for the time of a block; pixels wait in a folder.
 
     Raises
@@ -170,9 +170,9 @@ def means_of(folder: Path, files: Sequence[Path], processes: int, dask: str | No
         yield Means(None, None, False)
         return
     from toposeam_cli.files.scratch import scratch
-    from toposeam_cli.jobs.crew import crew
+    from toposeam_cli.jobs.crew import crew, processes_of
 
-    with scratch(folder) as store, crew(processes, dask, store) as workers:
+    with scratch(folder) as store, crew(processes_of(processes), dask, store) as workers:
         if dask is not None and workers is not None:
             workers.check(store.new(), files)
         yield Means(store, workers, dask is not None)

@@ -20,7 +20,7 @@ def rimmed(folder, photographs, request, monkeypatch):
     """The first picture has a transparent rim at its left and its top, the second one is a negative."""
     if request.param:
         monkeypatch.setattr(inputs, "STORED_PIXELS", 0)
-        monkeypatch.setattr("toposeam_cli.commands.stitch.processes_of", lambda _: 1)
+        monkeypatch.setattr("toposeam_cli.jobs.crew.processes_of", lambda _: 1)
     first, second = photographs
     alpha = np.full(first.shape[:2], 255, np.uint8)
     alpha[:TOP] = alpha[:, :LEFT] = 0

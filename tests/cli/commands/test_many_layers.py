@@ -163,7 +163,7 @@ def across(three):
 def test_a_hidden_picture_is_named_and_core_makes_it_show(across, toposeam, windows, monkeypatch):
     if windows:
         monkeypatch.setattr(placing, "STORED_PIXELS", 0)
-        monkeypatch.setattr("toposeam_cli.commands.stitch.processes_of", lambda _: 1)
+        monkeypatch.setattr("toposeam_cli.jobs.crew.processes_of", lambda _: 1)
     ran = toposeam("stitch", *across, "-o", "out.tif", "--labels", "labels.png", "--report", "page.html")
     assert ran.code == 0, ran
     told = [line for line in ran.err.splitlines() if "does not show" in line]

@@ -29,9 +29,7 @@ from toposeam_cli.stitching import rendering
 def stored(monkeypatch):
     """Every picture waits in a file, and every canvas is one of tiles."""
     monkeypatch.setattr(placing, "STORED_PIXELS", 0)
-    monkeypatch.setattr(
-        "toposeam_cli.commands.stitch.processes_of", lambda _: 1
-    )  # others know the true sizes
+    monkeypatch.setattr("toposeam_cli.jobs.crew.processes_of", lambda _: 1)  # others know the true sizes
     for module, name, value in (
         (maps, "DENSE_PIXELS", 0),
         (maps, "TILE", 16),
@@ -86,6 +84,27 @@ def test_what_is_written_is_what_it_is_in_memory(three, toposeam, options, monke
     np.testing.assert_array_equal(read_picture("o.png").pixels, overlay.pixels)
     assert (overlay.pixels == (230, 30, 40)).all(axis=2).any()
     assert names(three) == names_before
+
+
+def test_an_overlay_is_drawn_though_no_seam_was_asked_for(three, toposeam, stored, monkeypatch):
+    """Quiet, nobody has made the seams before the layers' files are emptied, which here is so at once."""
+    monkeypatch.setattr(scratch, "Thread", AtOnce)
+    for overlay, quiet in (("told.png", []), ("quiet.png", ["-q"])):
+        ran = toposeam("stitch", *FILES, *AT, "-o", "out.tif", "--overlay", overlay, *quiet, "--force")
+        assert ran.code == 0, ran
+    drawn = read_picture("told.png").pixels
+    assert (drawn == (230, 30, 40)).all(axis=2).any()
+    np.testing.assert_array_equal(read_picture("quiet.png").pixels, drawn)
+
+
+class AtOnce:
+    """A thread that has done its work when it has started."""
+
+    def __init__(self, target, args, daemon):
+        self.start = lambda: target(*args)
+
+    def join(self):
+        pass
 
 
 @pytest.mark.parametrize(
@@ -236,7 +255,7 @@ def test_the_picture_is_written_while_it_is_painted(three, toposeam, monkeypatch
     monkeypatch.setattr(placing, "STORED_PIXELS", 0)
     monkeypatch.setattr(composition, "BLOCK", 32)
     monkeypatch.setattr(rendering, "BLOCK", 32)
-    monkeypatch.setattr("toposeam_cli.commands.stitch.processes_of", lambda _: 1)
+    monkeypatch.setattr("toposeam_cli.jobs.crew.processes_of", lambda _: 1)
     painted = waited_for(monkeypatch)
     assert toposeam(*words, "--force").code == 0
     assert len(painted) > 1

@@ -46,7 +46,7 @@ def marked(*ways):
 def row(tmp_path, monkeypatch):
     """Three crops of a photograph in a row, one that has nothing to be found in, and one that is none."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("toposeam_cli.commands.stitch.processes_of", lambda _: 1)
+    monkeypatch.setattr("toposeam_cli.jobs.crew.processes_of", lambda _: 1)
     for name, (x, y) in zip(FILES, PLACED, strict=True):
         noise = np.random.default_rng(x).integers(-4, 5, (SIDE, SIDE, 3))
         part = data.astronaut()[20 + y : 20 + y + SIDE, 130 + x : 130 + x + SIDE] + noise
@@ -107,7 +107,7 @@ def test_the_keys_are_the_same_for_all_ways(row, toposeam, monkeypatch, way):
 @pytest.mark.parametrize(
     "way", marked("two", "two found", "three", "three aligned", "three, cropped", "three found")
 )
-def test_figures_are_those_in_memory_when_pictures_wait_in_files(row, toposeam, monkeypatch, way):
+def test_figures_are_the_same_of_pictures_in_files(row, toposeam, monkeypatch, way):
     """All but the least possible costs, which are not computed then, and seconds."""
     words = "stitch", *WAYS[way], "-o", "out.tif", "--force"
     facts, line = told(toposeam(*words, "--json")), toposeam(*words).out

@@ -17,7 +17,7 @@ BROWSER = next((found for name in ("chromium", "google-chrome") if (found := shu
 def page(three, toposeam, request, monkeypatch):
     if request.param:
         monkeypatch.setattr(placing, "STORED_PIXELS", 0)
-        monkeypatch.setattr("toposeam_cli.commands.stitch.processes_of", lambda _: 1)
+        monkeypatch.setattr("toposeam_cli.jobs.crew.processes_of", lambda _: 1)
     ran = toposeam("stitch", *FILES, *AT, "-o", "out.tif", "--crop", "inside", "--report", "seams.html")
     assert ran.code == 0, ran
     assert names(three) == [*FILES, "out.tif", "seams.html"]

@@ -126,10 +126,10 @@ class Canvas:
 
     def cut_open(self, column: int = 0) -> Canvas:
         """Return a round canvas as a flat one that begins at a column of it; a flat canvas as it is."""
-        from toposeam.layers.canvas.cylinder import turned
-
         if self.period is None:
             return self
+        from toposeam.layers.canvas.cylinder import turned
+
         left, top = self.origin
         moved = (dataclasses.replace(one, at=(one.at[0] - left, one.at[1] - top)) for one in self.layers)
         parts = [turned(layer, self.period, column) for layer in moved]
@@ -162,10 +162,10 @@ class Canvas:
 
         So neighbourhoods near the edges hold the pixels that adjoin there.
         """
-        from toposeam.layers.canvas.cylinder import Turned, unrolled
-
         if self.period is None:
             return self
+        from toposeam.layers.canvas.cylinder import Turned, unrolled
+
         period, beyond, flat = self.period, self.beyond, self.cut_open()
         width = period + 2 * beyond
         left, top = self.origin

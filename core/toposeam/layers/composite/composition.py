@@ -19,7 +19,6 @@ from toposeam.layers.canvas.layer import Box, Layer, cut
 from toposeam.layers.canvas.tile_map import BLOCK, blocks, dense, uniform
 from toposeam.layers.composite.painter import Painter
 from toposeam.layers.composite.seams import KnownSeams, SeamFigures, SeamOutline
-from toposeam.layers.composite.sinks import Sink
 from toposeam.layers.execution.tasks import Executor, results
 from toposeam.layers.labelling.label_map import LabelMap, Pair
 from toposeam.picture_files import PictureResult
@@ -29,6 +28,7 @@ from toposeam.sentence import counted
 
 if TYPE_CHECKING:
     from toposeam.layers.composite.seams_of_map import SeamsOfMap
+    from toposeam.layers.composite.sinks import Sink
     from toposeam.layers.labelling.problem import Labelling
 
 #: Width of a rendered window, in blocks of 1024 px; it is one block high.

@@ -49,9 +49,9 @@ def composed(blend="none", *, alpha=False, round_=False):
     return ts.stitch(layers, blend=blend, wrap=WIDTH if round_ else None)
 
 
-def picture(composition):
+def picture(shown):
     """The image, and its opacity also where it is None."""
-    image, alpha = composition.image, composition.alpha
+    image, alpha = shown.image, shown.alpha
     return image, np.full(image.shape[:2], 255, np.uint8) if alpha is None else alpha
 
 

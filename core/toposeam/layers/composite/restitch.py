@@ -23,7 +23,7 @@ from toposeam.layers.composite.seams import KnownSeams
 from toposeam.layers.composite.seams_of_map import SeamsOfMap
 from toposeam.layers.composite.summary import pair_name
 from toposeam.layers.composite.two_layers import paths_by_pair
-from toposeam.layers.labelling.label_map import Pair
+from toposeam.layers.labelling.label_map import Pair, as_labels
 from toposeam.seam.problem.match_cost import MatchCost
 from toposeam.seam.problem.overlap import FREE, NONE, A, B
 from toposeam.seam.result.apply import labels_from_paths
@@ -116,7 +116,7 @@ def restitch(
             _divide(canvas, found.labels, pair, drawing)
         seams = SeamsOfMap(search.pose(canvas), found, tuple(drawings), search.recorded())
     if fixed is not None:
-        wanted = _where_possible(canvas, np.asarray(fixed, np.int16))
+        wanted = _where_possible(canvas, as_labels(fixed, canvas.shape, "fixed"))
         opened = _window_round((wanted >= 0) & (found.labels[:, :] != wanted))
         if opened.any():
             found = search.recut(seams.labelling, found, opened, wanted)

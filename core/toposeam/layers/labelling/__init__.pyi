@@ -1,4 +1,4 @@
-from .label_map import LabelMap, Pair
+from .label_map import LabelMap, Pair, as_labels
 from .pair_cost import KEPT_PIXELS, LayerPairCost
 from .posing import CORE, check_pairs, meets, pose_labelling
 from .problem import Labelling, PairCost
@@ -15,6 +15,7 @@ __all__ = [
     "Pair",
     "PairCost",
     "TableCost",
+    "as_labels",
     "beside_steps",
     "check_pairs",
     "doubled_around",

@@ -6,7 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
 from toposeam.arrays import Labels
+from toposeam.checks import is_masked
+from toposeam.errors import ImageError, Term
 
 #: Two layers by their numbers, the lower one first.
 Pair = tuple[int, int]
@@ -38,3 +43,37 @@ class LabelMap:
     rounds: int = 0
     #: Duration of the search, s.
     seconds: float = 0.0
+
+
+def as_labels(values: npt.ArrayLike, shape: tuple[int, int], name: str) -> Labels:
+    """Return numbers of layers as an (H, W) int16 array of a shape.
+
+    Raises
+    ------
+    ImageError
+        If they are no whole numbers from -1 to 32,767, or of another shape.
+    """
+    try:
+        labels = np.zeros(0) if is_masked(values) else np.asarray(values)
+    except ValueError:  # rows of several lengths
+        labels = np.zeros(0)
+    if labels.shape != shape or labels.dtype.kind not in "iu":
+        raise ImageError(
+            "{parameter} has shape {shape!s} and dtype {dtype}; give whole numbers of shape {expected!s}, "
+            "the layer at each pixel and -1 where any may show",
+            kind="shape",
+            parameter=Term(name),
+            shape=labels.shape,
+            dtype=str(labels.dtype),
+            expected=shape,
+        )
+    if labels.size and not -1 <= int(labels.min()) <= int(labels.max()) <= np.iinfo(np.int16).max:
+        raise ImageError(
+            "{parameter} has numbers from {least} to {largest}; give those of layers, and -1 where any may "
+            "show",
+            kind="range",
+            parameter=Term(name),
+            least=int(labels.min()),
+            largest=int(labels.max()),
+        )
+    return labels.astype(np.int16)

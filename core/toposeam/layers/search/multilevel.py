@@ -21,11 +21,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from toposeam.arrays import Labels, Mask
-from toposeam.images import box_of
+from toposeam.checks import check_kind
+from toposeam.images import as_mask, box_of
 from toposeam.layers.canvas.layer import Box
-from toposeam.layers.canvas.tile_map import blocks, dense, uniform
+from toposeam.layers.canvas.tile_map import TileMap, blocks, dense, uniform
 from toposeam.layers.execution.tasks import Progressed
-from toposeam.layers.labelling.label_map import LabelMap
+from toposeam.layers.labelling.label_map import LabelMap, as_labels
 from toposeam.layers.labelling.problem import Labelling
 from toposeam.layers.labelling.subproblem import window_of_labelling
 from toposeam.layers.search.cost_coarsening import Tables, enlarged, halved, opened
@@ -115,6 +116,15 @@ def recut(
     >>> bool((again.labels[8:12, 38:42] == fixed[8:12, 38:42]).all())
     True
     """
+    check_kind("labelling", labelling, Labelling, "a Labelling, such as Composition.labelling")
+    check_kind("label_map", label_map, LabelMap, "a LabelMap, such as Composition.solution")
+    check_kind("solver", solver, (CutSolver, type(None)), "a CutSolver or None")
+    check_kind("search", search, SearchOptions, "SearchOptions")
+    shape = labelling.canvas.shape
+    if not isinstance(opened, TileMap):
+        opened = as_mask(opened, shape, "opened")
+    if fixed is not None:
+        fixed = as_labels(fixed, shape, "fixed")
     started = time.perf_counter()
     box = _box_round(opened)
     if box is None:

@@ -11,8 +11,9 @@ from toposeam.layers.canvas import BLOCK, Box
 from toposeam.layers.composite import composed_of_masks
 from toposeam_cli.files.scratch import scratch
 from toposeam_cli.media.pictures.raw import Stored
-from toposeam_cli.stitching import rendering
-from toposeam_cli.stitching.rendering import Overlay, _is_full, _marks
+from toposeam_cli.stitching import drawn_pictures, file_sink
+from toposeam_cli.stitching.drawn_pictures import Overlay, _marks
+from toposeam_cli.stitching.file_sink import _is_full
 from toposeam_cli.stitching.resample import toned_layers
 
 
@@ -86,11 +87,10 @@ def test_seams_are_red_on_white_over_the_picture(dtype, white, channels, monkeyp
     planes = (values * white).astype(dtype)
     marks = np.zeros((4, 6), np.uint8)
     marks[1], marks[2, 3:] = 1, 2
-    monkeypatch.setattr(rendering, "_marks", lambda _: marks)
+    monkeypatch.setattr(drawn_pictures, "_marks", lambda _: marks)
 
     def drawn_over(pixels):
-        picture = SimpleNamespace(pixels=pixels[..., 0] if channels == 1 else pixels)
-        return Overlay(SimpleNamespace(picture=picture, composition=None))[:, :]
+        return Overlay(None, pixels[..., 0] if channels == 1 else pixels)[:, :]
 
     drawn = drawn_over(planes)
     assert (drawn.shape, drawn.dtype) == ((4, 6, 3), np.uint8)
@@ -99,13 +99,13 @@ def test_seams_are_red_on_white_over_the_picture(dtype, white, channels, monkeyp
     expected = np.broadcast_to(planes.astype(float) / white * 255, (4, 6, 3))
     np.testing.assert_allclose(drawn[marks == 0], expected[marks == 0], atol=1)
     if dtype == np.float32:  # lights beyond white, and what is less than black
-        monkeypatch.setattr(rendering, "_marks", lambda _: 0 * marks)
+        monkeypatch.setattr(drawn_pictures, "_marks", lambda _: 0 * marks)
         assert drawn_over(planes + 2).min() == 255
         assert drawn_over(planes - 2).max() == 0
 
 
 def test_a_part_is_full_where_nothing_in_it_is_open(monkeypatch):
-    monkeypatch.setattr(rendering, "BLOCK", 4)
+    monkeypatch.setattr(file_sink, "BLOCK", 4)
     box = Box(2, 3, 13, 9)
     for place in ((1, 5), (13, 5), (6, 2), (6, 9)):  # right outside
         mask = np.ones((15, 12), bool)

@@ -281,13 +281,9 @@ def arrange(
         layers = place(layers, transforms)
     if len(layers) == 2 and not alone:
         _check_touching(*layers)
-    upright = [
-        picture if layer.image is picture.pixels else replace(picture, pixels=layer.image, alpha=layer.alpha)
-        for picture, layer in zip(pictures, layers, strict=True)
-    ]
     return replace(
         named,
-        pictures=tuple(upright),
+        pictures=tuple(map(_as_placed, pictures, layers)),
         layers=tuple(layers),
         files=tuple(source.file for source in sources if source.file is not None),
         placement=placement,
@@ -298,6 +294,13 @@ def arrange(
         stored=kept is not None,
         transforms=tuple(transforms),
         wrap=wrap,
+    )
+
+
+def _as_placed(picture: Picture, layer: ts.Layer) -> Picture:
+    """Return a picture with the pixels of its layer, which may be warped."""
+    return (
+        picture if layer.image is picture.pixels else replace(picture, pixels=layer.image, alpha=layer.alpha)
     )
 
 

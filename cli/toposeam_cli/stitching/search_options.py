@@ -182,8 +182,6 @@ def means_of(folder: Path, files: Sequence[Path], processes: int | None, dask: s
 class SeamOptions:
     """Options of the seam search, and of blending across seams."""
 
-    #: The picture whose white no seam may touch.
-    avoid: Path | None
     law: ts.typing.Law | None
     #: Whether pictures are moved to where they agree, and by how many px at most; None for the usual radius.
     align: bool
@@ -193,7 +191,7 @@ class SeamOptions:
     plain: bool
     #: Seams that are given.
     use_seam: tuple[Keyed, ...]
-    #: Those given that :class:`toposeam.layers.StitchOptions` has, too.
+    #: Those given that :class:`toposeam.layers.StitchOptions` has, too; `avoid` is a file here.
     stitch: Mapping[str, Any]
 
     @classmethod

@@ -21,8 +21,8 @@ from toposeam_cli.files.temporary import remove_stale
 from toposeam_cli.media.pictures import picture as picture_files
 from toposeam_cli.media.pictures import stored as stored_pictures
 from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
+from toposeam_cli.stitching import file_sink
 from toposeam_cli.stitching import inputs as placing
-from toposeam_cli.stitching import rendering
 
 
 @pytest.fixture
@@ -35,7 +35,7 @@ def stored(monkeypatch):
         (maps, "TILE", 16),
         (painter, "BLOCK", 64),
         (composition, "BLOCK", 32),
-        (rendering, "BLOCK", 32),
+        (file_sink, "BLOCK", 32),
         (pair_cost, "KEPT_PIXELS", 500),
         (reduction, "KEPT_TOGETHER", 500),
     ):
@@ -238,8 +238,8 @@ def waited_for(monkeypatch):
         painted.append(box)
         return real(whole, box)
 
-    compose = rendering.write_composite
-    monkeypatch.setattr(rendering, "write_composite", write)
+    compose = file_sink.write_composite
+    monkeypatch.setattr(file_sink, "write_composite", write)
     monkeypatch.setattr(composition, "_painted", paint)
     return painted
 
@@ -247,14 +247,14 @@ def waited_for(monkeypatch):
 @pytest.mark.parametrize("output", ["out.tif", "out.png", "out.jpg", "out.webp", "out.dzi", "holes.tif"])
 def test_the_picture_is_written_while_it_is_painted(three, toposeam, monkeypatch, stored, output):
     words = [*ROW, "-o", output] if output != "holes.tif" else ["stitch", *FILES, *AT, "-o", output]
-    monkeypatch.setattr(rendering, "_known_full", lambda _: None)  # it is not before all is painted
+    monkeypatch.setattr(file_sink, "_known_full", lambda _: None)  # it is not before all is painted
     assert toposeam(*words).code == 0
     before = {path: path.read_bytes() for path in three.rglob("*") if path.is_file()}
     monkeypatch.undo()
     monkeypatch.chdir(three)
     monkeypatch.setattr(placing, "STORED_PIXELS", 0)
     monkeypatch.setattr(composition, "BLOCK", 32)
-    monkeypatch.setattr(rendering, "BLOCK", 32)
+    monkeypatch.setattr(file_sink, "BLOCK", 32)
     monkeypatch.setattr("toposeam_cli.jobs.crew.processes_of", lambda _: 1)
     painted = waited_for(monkeypatch)
     assert toposeam(*words, "--force").code == 0

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from toposeam.arrays import Labels, Mask
 from toposeam.errors import OptionError
 from toposeam.images import Windows, full_scale
-from toposeam.layers.canvas.layer import Box, Layer
+from toposeam.layers.canvas.layer import Layer
 from toposeam.layers.canvas.tile_map import made_map, occupied_columns
 
 
@@ -27,18 +27,23 @@ class Turned(Windows):
         Width of the round canvas, px; at least w.
     start, width : int
         The window's first column, which may lie beyond the period, and its number of columns.
+    missing : int
+        The value where the source has none.
     """
 
-    def __init__(self, source: Any, place: int, period: int, start: int, width: int) -> None:
+    def __init__(
+        self, source: Any, place: int, period: int, start: int, width: int, missing: int = 0
+    ) -> None:
         super().__init__((source.shape[0], width, *source.shape[2:]), source.dtype)
         self._source, self._first, self._period = source, start - place, period
+        self._missing = missing
 
     def read(self, rows: slice, columns: slice) -> npt.NDArray[Any]:
         """Return some rows and columns, 0 where the source has none."""
         if columns.step != 1:
             return self.read(rows, slice(columns.start, columns.stop, 1))[:, :: columns.step]
         height, width = len(range(*rows.indices(self.shape[0]))), columns.stop - columns.start
-        result = np.zeros((height, width, *self.shape[2:]), self.dtype)
+        result = np.full((height, width, *self.shape[2:]), self._missing, self.dtype)
         at = columns.start
         while at < columns.stop:
             there = (at + self._first) % self._period
@@ -113,27 +118,8 @@ def occupied_on(layer: Layer, period: int, left: int) -> Mask:
 
 def turned_map(label_map: Any, period: int, start: int, width: int) -> Labels:
     """Return some columns of a label map of a round canvas, from column `start` on."""
-    source = _LabelsPlusOne(label_map)
-    columns = Turned(source, 0, period, start, width)
-
-    def values(box: Box) -> npt.NDArray[Any]:
-        result: npt.NDArray[Any] = columns[box.slices] - np.int16(1)
-        return result
-
-    return made_map((label_map.shape[0], width), np.int16, values)
-
-
-class _LabelsPlusOne(Windows):
-    """Labels plus 1: 0 then stands for no layer, as where a source has no pixels."""
-
-    def __init__(self, label_map: Any) -> None:
-        super().__init__(label_map.shape, np.int16)
-        self._map = label_map
-
-    def read(self, rows: slice, columns: slice) -> npt.NDArray[Any]:
-        """Return some rows and columns."""
-        result: npt.NDArray[Any] = self._map[rows, columns] + np.int16(1)
-        return result
+    columns = Turned(label_map, 0, period, start, width, missing=-1)
+    return made_map((label_map.shape[0], width), np.int16, lambda box: columns[box.slices])
 
 
 def unrolled(layer: Layer, period: int, beyond: int) -> Layer:

@@ -91,22 +91,24 @@ class SeamsOfMap:
         """
         label_map = self.label_map
         labels = label_map.labels
-        posed = self.labelling.seam(labels, pair, within=self._seam_box(pair), beside=beside)
-        if posed is None:
+        problem = self.labelling.seam(labels, pair, within=self._seam_box(pair), beside=beside)
+        if problem is None:
             raise ValueError(f"layers {pair[0]} and {pair[1]} have nothing in common")
-        shown = posed.labels == pair[1]
+        (top, left), (height, width) = problem.overlap.start, problem.overlap.side.shape
+        box = Box(top, left, top + height, left + width)
+        shown = self.labelling.labels_in(labels, box) == pair[1]
         given = pair in self.given
         heats = label_map.method in ("graph-cut", "heat")
         return Seam(
             _shown=shown,
             _potential=None if heats else shown.astype(np.float32),
             _only_b=lambda: dense(labels) == pair[1],
-            cost=posed.problem.cost(shown),
+            cost=problem.cost(shown),
             method="path" if given else label_map.method,
             termination=Termination.GIVEN if given else Termination.DIRECT,
             seconds=label_map.seconds / len(self.pairs),
             settings={**self.common, **label_map.settings},
-            problem=posed.problem,
+            problem=problem,
         )
 
     def check(self, executor: Executor | None = None) -> None:

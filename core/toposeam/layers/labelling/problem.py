@@ -56,16 +56,6 @@ class PairCost(Protocol):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PairSeam:
-    """A seam of a label map posed as a seam problem on a box of the canvas."""
-
-    problem: SeamProblem
-    box: Box
-    #: (h, w) int16: the layer that shows at each pixel.
-    labels: Labels
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Labelling:
     """The problem of choosing a layer for every pixel of a canvas, at full size or reduced.
 
@@ -171,7 +161,7 @@ class Labelling:
 
     def seam(
         self, label_map: Labels, pair: Pair, *, within: Box | None = None, beside: bool = False
-    ) -> PairSeam | None:
+    ) -> SeamProblem | None:
         """Pose the seam between two layers of a label map as a problem whose ``b`` is the second one.
 
         Parameters
@@ -185,7 +175,7 @@ class Labelling:
 
         Returns
         -------
-        PairSeam, or None where the two share no pixel
+        SeamProblem, or None where the two share no pixel
         """
         cost = self.costs.get(pair)
         box = None if cost is None else cost.box if within is None else cost.box.shared(within)
@@ -203,8 +193,7 @@ class Labelling:
         down[~(inside[1:] & inside[:-1])] = 0
         unary = [self._beside(index, pair, labels, free, box) for index in pair]
         overlap = Overlap(side, cost.shared(box) & inside, (box.top, box.left), self.canvas.shape)
-        problem = SeamProblem(overlap, right, down, self.forbidden, showing_a=unary[0], showing_b=unary[1])
-        return PairSeam(problem, box, labels)
+        return SeamProblem(overlap, right, down, self.forbidden, showing_a=unary[0], showing_b=unary[1])
 
     def _beside(self, index: int, pair: Pair, labels: Labels, free: Mask, box: Box) -> Floats32:
         """(h, w) unary cost of showing one layer of a pair at its free pixels: that of the interfaces with

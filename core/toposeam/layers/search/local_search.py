@@ -172,7 +172,8 @@ def _divide_pairs(problem: Problem, labels: Labels, near: Mask) -> None:
     for _, found in on_boxes(executor, divided, item, boxes):
         problem.steps.one()
         if found is not None:
-            write_pixels(labels, *found.pixels, found.values)
+            (rows, columns), values = found
+            write_pixels(labels, rows, columns, values)
 
 
 def settle(problem: Problem, labels: Labels) -> None:

@@ -143,17 +143,10 @@ class Division:
     solver: CutSolver
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Divided:
-    """The pixels that a division changes."""
-
-    #: The pixels that change, and the layers that they show then.
-    pixels: Pixels
-    values: npt.NDArray[np.int16]
-
-
-def divided(division: Division) -> Divided | None:
-    """Find the cheapest seam of two layers; None if no pixel is open."""
+def divided(division: Division) -> tuple[Pixels, Labels] | None:
+    """Find the cheapest seam of two layers: rows and columns of the pixels that change, and the layers that
+    show there from now on. None if no pixel is open.
+    """
     pair = division.pair
     band = band_of(division.labelling, division.label_map, pair, division.near)
     if band is None:
@@ -162,10 +155,8 @@ def divided(division: Division) -> Divided | None:
         second = band.cut.solve(division.solver, band.second)
     gains = band.total(second) < band.total(band.second) * (1 - LEAST_GAIN)
     changed = np.flatnonzero(second != band.second) if gains else np.zeros(0, np.intp)
-    return Divided(
-        pixels=(band.rows[changed], band.columns[changed]),
-        values=np.where(second[changed], np.int16(pair[1]), np.int16(pair[0])),
-    )
+    pixels = band.rows[changed], band.columns[changed]
+    return pixels, np.where(second[changed], np.int16(pair[1]), np.int16(pair[0]))
 
 
 def costs_at(cost: PairCost, box: Box, first: Indices, axis: Indices) -> Floats:

@@ -9,7 +9,7 @@ import toposeam as ts
 from toposeam.layers.canvas import Box, TileMap, new_map, several, uniform
 from toposeam.layers.canvas import tile_map as maps
 from toposeam.layers.composite import painter
-from toposeam.layers.composite import seams as made
+from toposeam.layers.composite import seams_of_map as made
 from toposeam.layers.labelling import pair_cost
 from toposeam.layers.search import cost_coarsening as reduction
 

@@ -14,7 +14,7 @@ from skimage import data
 import toposeam as ts
 from toposeam.layers.blending import blending_of
 from toposeam.layers.canvas import Box
-from toposeam.layers.composite.seams import SeamsOfMap
+from toposeam.layers.composite.seams_of_map import SeamsOfMap
 from toposeam.layers.labelling import beside_steps, junctions, pose_labelling
 from toposeam.layers.search import (
     BEST,

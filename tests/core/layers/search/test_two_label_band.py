@@ -59,7 +59,7 @@ def test_heat_and_flow_reach_the_same_local_optimum_in_a_band(started, pair):
         solver = CutSolver(method, options, labelling.forbidden)
         found = divided(Division(labelling, label_map, near, pair, solver))
         after = label_map.copy()
-        write_pixels(after, *found.pixels, found.values)
+        write_pixels(after, *found[0], found[1])
         assert (after[~near] == label_map[~near]).all()
         ends.append(labelling.total(after, labelling.canvas))
         rows, columns = np.nonzero(near & np.isin(after, pair))

@@ -14,7 +14,6 @@ from click.core import ParameterSource
 
 import toposeam as ts
 from toposeam.layers.execution.tasks import Executor
-from toposeam.seam.result.verdict import Verdict
 from toposeam.sentence import counted
 from toposeam_cli.stitching.inputs import PlacedPictures
 from toposeam_cli.stitching.outputs import Outputs
@@ -101,8 +100,8 @@ def _describe_seams(composed: ts.layers.Composition, executor: Executor | None) 
 
 
 def _worst_inside(
-    verdicts: Sequence[Verdict | None], crop: tuple[int, int, int, int] | None
-) -> Verdict | None:
+    verdicts: Sequence[ts.seam.Verdict | None], crop: tuple[int, int, int, int] | None
+) -> ts.seam.Verdict | None:
     """Choose the verdict on the worst seam inside a crop."""
     known = [verdict.inside(crop) for verdict in verdicts if verdict is not None]
     return min(known, key=lambda verdict: verdict.worst) if known else None

@@ -21,10 +21,9 @@ from toposeam_cli.stitching.inputs import PlacedPictures, arrange
 from toposeam_cli.stitching.joining import join
 from toposeam_cli.stitching.outputs import Outputs, check_outputs, crop_of, numbered, output_options
 from toposeam_cli.stitching.place_options import FindingOptions, finding_options, with_defaults
-from toposeam_cli.stitching.placement_report import misfits
 from toposeam_cli.stitching.positions import Where, position_options, width_round
 from toposeam_cli.stitching.rendering import render, write
-from toposeam_cli.stitching.report import documents_of, hidden, is_read, line_of_job, summary_of_job
+from toposeam_cli.stitching.report import documents_of, hidden, is_read, line_of_job, misfits, summary_of_job
 from toposeam_cli.stitching.search_options import (
     Means,
     SeamOptions,

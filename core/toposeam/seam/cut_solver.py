@@ -13,8 +13,7 @@ from toposeam.arrays import Floats, Mask
 from toposeam.heat.network import Network
 from toposeam.seam.automatic import FLOW_PIXELS
 from toposeam.seam.find import Method, method_options
-from toposeam.seam.heat.method import HeatOptions
-from toposeam.seam.heat.newton import Heat, gather_heat
+from toposeam.seam.heat.method import Heat, HeatOptions, gather_heat
 
 #: Methods that cut any network; in the place of the others `auto` does.
 _ANY_NETWORK: tuple[Method, ...] = ("auto", "heat", "shortest-path", "graph-cut")

@@ -1,5 +1,4 @@
-from .method import HeatOptions, heat_path, potential_beside
-from .newton import Heat, gather_heat
+from .method import Heat, HeatOptions, gather_heat, heat_path, potential_beside
 
 __all__ = [
     "Heat",

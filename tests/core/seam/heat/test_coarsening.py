@@ -10,7 +10,6 @@ from shapes import SHAPES
 
 import toposeam as ts
 from toposeam.seam.heat import coarsening as coarse
-from toposeam.seam.heat import heavy_edge_matching as merging
 from toposeam.seam.heat import method as heat
 from toposeam.seam.problem import CutGrid, MatchCost, posing
 from toposeam.seam.problem.posing import seam_problem
@@ -144,6 +143,6 @@ def test_who_follows_pointers_comes_to_the_components():
             target = rng.integers(0, n, n).astype(np.int32)  # with circles of any length
             graph = csr_array((np.ones(n), target, np.arange(n + 1)), shape=(n, n))
             count, expected = connected_components(graph, directed=False)
-            found, group = merging._components(target)
+            found, group = coarse._components(target)
             assert found == count == len(set(zip(group.tolist(), expected.tolist(), strict=True)))
             assert group.max() == count - 1

@@ -125,13 +125,14 @@ def check_stitch(a, b, placement, chosen):
             return ran
         assert names(folder) == {"a.tif", "b.tif", *outputs.values()}
         facts = json.loads(ran.out)
-        assert facts["ratio"] >= 1 - 1e-4, facts
+        assert len(facts["seams"]) == 1, facts
+        assert facts["seams"][0]["ratio"] >= 1 - 1e-4, facts
         a, b = match_pictures([a, b])
         b_shows = read_picture(f"{folder}/labels.png").pixels > 0
         result = read_picture(f"{folder}/out.tif")
         Expected(a, b, *offset_of(placement, a, b)).check(result, b_shows)
         assert read_picture(f"{folder}/overlay.png").pixels.shape == (*b_shows.shape, 3)
-        if facts["paths"]:
+        if facts["seams"][0]["paths"]:
             core = [option for option in chosen if option.startswith(("--core", "--speck"))]
             again = run(
                 folder,
@@ -212,7 +213,8 @@ def check_mask(a, b, placement, chosen, spots):
         for s, t in ((np.s_[:, 1:], np.s_[:, :-1]), (np.s_[1:], np.s_[:-1])):
             assert not ((b_shows[s] != b_shows[t]) & shared[s] & shared[t] & (avoid[s] | avoid[t])).any()
         facts = json.loads(ran.out)
-        assert facts["ratio"] >= 1 - 1e-4, facts
+        assert len(facts["seams"]) == 1, facts
+        assert facts["seams"][0]["ratio"] >= 1 - 1e-4, facts
 
 
 #: Where rectangles begin, in percent of the canvas, and how large they are, in px.

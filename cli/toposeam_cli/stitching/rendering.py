@@ -42,8 +42,8 @@ class Rendered:
     @property
     def at(self) -> tuple[int, int] | None:
         """The (x, y) of the canvas at which the picture begins; None if it is the whole canvas."""
-        view = self.composition.view
-        return None if view == self.composition.canvas.box else (view.left, view.top)
+        cropped = self.composition.cropped
+        return None if cropped is None else cropped[:2]
 
 
 def render(

@@ -102,9 +102,7 @@ def _describe_seams(composed: ts.layers.Composition, executor: Executor | None) 
             f"{len(composed.names)} layers, {counted(len(composed.pairs), 'seam')} of {length} px in all by "
             f"{solution.method}, {counted(solution.rounds, 'round')}"
         )
-    view = composed.view
-    crop = None if view == composed.canvas.box else (view.left, view.top, view.shape[1], view.shape[0])
-    verdict = _worst_inside([one.verdict for one in figures], crop)
+    verdict = _worst_inside([one.verdict for one in figures], composed.cropped)
     judged = "" if verdict is None else f": {verdict}"
     return f"{found}, cost {cost:.4g}, {solution.seconds:.2f} s{judged}{end}"
 

@@ -90,6 +90,12 @@ class Composition(PictureResult):
         return self.canvas.box if self._view is None else self._view
 
     @property
+    def cropped(self) -> tuple[int, int, int, int] | None:
+        """(left, top, width, height) of the view on the canvas, px; None if it is the whole canvas."""
+        view = self.view
+        return None if view == self.canvas.box else (view.left, view.top, view.shape[1], view.shape[0])
+
+    @property
     def shape(self) -> tuple[int, int]:
         """Height and width of the picture, px."""
         return self.view.shape

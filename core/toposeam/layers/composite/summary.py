@@ -39,10 +39,7 @@ _NO_VERDICT: dict[str, Any] = {"likeness": None, "worst_likeness": None, "look_a
 
 def summary_of(composition: Any, *, optima: bool) -> dict[str, Any]:
     """Summarise a composition, with the keys of the table above."""
-    names, view = composition.canvas.names, composition.view
-    crop = None
-    if view != composition.canvas.box:
-        crop = (view.left, view.top, view.shape[1], view.shape[0])
+    names, crop = composition.canvas.names, composition.cropped
     found, verdicts = [], []
     for number, seam in enumerate(composition.outlines):
         verdict = None if seam.verdict is None else seam.verdict.inside(crop)
@@ -71,7 +68,7 @@ def summary_of(composition: Any, *, optima: bool) -> dict[str, Any]:
         {"name": layer.name, "at": list(layer.at), "shown_px": shown, **dict.fromkeys(_PLACEMENT_KEYS)}
         for layer, shown in zip(composition.layers, composition.shown, strict=True)
     ]
-    height, width = view.shape
+    height, width = composition.shape
     return {
         "schema": SCHEMA,
         "size": [width, height],

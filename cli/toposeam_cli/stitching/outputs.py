@@ -69,6 +69,7 @@ def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
         option(
             "--crop",
             heading="Output",
+            kept=True,
             type=click.Choice(["inside", "outside"]),
             help="The largest rectangle without holes, or all of it; inside for formats without "
             "transparency.",
@@ -76,6 +77,7 @@ def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
         option(
             "--fill-edges",
             heading="Output",
+            kept=True,
             type=click.IntRange(1, 1000),
             metavar="PX",
             help="Crop to what lies within PX pixels of the pictures, and fill there what none of them "
@@ -84,19 +86,28 @@ def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
         option(
             "--background",
             heading="Output",
+            kept=True,
             metavar="COLOUR",
             help="Fill holes with a colour, like white or #20304a.",
         ),
-        option("--quality", heading="Output", type=click.IntRange(1, 100), help="Of .jpg; 95 by default."),
+        option(
+            "--quality",
+            heading="Output",
+            kept=True,
+            type=click.IntRange(1, 100),
+            help="Of .jpg; 95 by default.",
+        ),
         option(
             "--compression",
             heading="Output",
+            kept=True,
             type=click.Choice(COMPRESSIONS),
             help="Of .tif; deflate by default.",
         ),
         option(
             "--pyramid",
             heading="Output",
+            kept=True,
             is_flag=True,
             help="Write .tif in tiles and at every size; .dzi always is.",
         ),
@@ -207,14 +218,26 @@ def check_outputs(out: Outputs) -> None:
         kept["--background"] = out.background is not None
         for name in (name for name, given in kept.items() if given):
             raise ts.OptionError(f"--fill-edges leaves no holes, and {name} keeps them; leave one out")
-    if out.pyramid and suffix not in (".tif", ".tiff"):
+    foreign = foreign_to(suffix)
+    if out.pyramid and "pyramid" in foreign:
         raise ts.OptionError(f"--pyramid is for .tif, not for {suffix}; leave it out, or write .tif or .dzi")
-    if out.quality is not None and suffix not in (".jpg", ".jpeg", ".dzi"):
+    if out.quality is not None and "quality" in foreign:
         raise ts.OptionError(f"--quality is for .jpg, and {suffix} loses nothing; leave it out")
-    if out.compression is not None and suffix not in (".tif", ".tiff"):
+    if out.compression is not None and "compression" in foreign:
         raise ts.OptionError(f"--compression is for .tif, not for {suffix}; leave it out")
     if out.background is not None:
         colour_of(out.background)
+
+
+def foreign_to(suffix: str) -> set[str]:
+    """Return the options of formats that files with this suffix have no use for."""
+    of_formats = {
+        "pyramid": (".tif", ".tiff"),
+        "quality": (".jpg", ".jpeg", ".dzi"),
+        "compression": (".tif", ".tiff"),
+    }
+    whole = {"crop", "background", "fill_edges"} if suffix == ".ora" else set()
+    return whole | {name for name, suffixes in of_formats.items() if suffix not in suffixes}
 
 
 def crop_of(out: Outputs, layers: Sequence[ts.Layer], *, goes_round: bool) -> str:

@@ -52,6 +52,7 @@ def seam_options(command: Callable[..., Any]) -> Callable[..., Any]:
         option(
             "--use-seam",
             heading="Seam",
+            kept=True,
             metavar="[N:M=]FILE",
             type=KeyedFile(needed=False),
             multiple=True,
@@ -60,6 +61,7 @@ def seam_options(command: Callable[..., Any]) -> Callable[..., Any]:
         option(
             "--method",
             heading="Seam",
+            kept=True,
             type=click.Choice(ts.seam.METHODS),
             default="auto",
             show_default=True,
@@ -68,6 +70,7 @@ def seam_options(command: Callable[..., Any]) -> Callable[..., Any]:
         option(
             "--effort",
             heading="Seam",
+            kept=True,
             type=click.Choice(get_args(Effort)),
             help="Of the search for more than two pictures: fast by default up to 12, from there on "
             "best, which "
@@ -76,42 +79,49 @@ def seam_options(command: Callable[..., Any]) -> Callable[..., Any]:
         option(
             "--formulation",
             heading="Seam",
+            kept=True,
             type=click.IntRange(1, 2),
             help="With --method thesis: 1 (default), or 2 (unstable, see the docs).",
         ),
         option(
             "--plain",
             heading="Seam",
+            kept=True,
             is_flag=True,
             help="With --method thesis: its algorithms as they are written, without ours.",
         ),
         option(
             "--match-tones/--no-match-tones",
             heading="Tones and blend",
+            kept=True,
             default=None,
             help="First take exposure steps out: one gain per picture and channel.",
         ),
         option(
             "--match-shading/--no-match-shading",
             heading="Tones and blend",
+            kept=True,
             default=None,
             help="The same, and that lenses darken towards the corners: a smooth gain field per picture.",
         ),
         option(
             "--blend",
             heading="Tones and blend",
+            kept=True,
             type=click.Choice(ts.layers.BLENDS),
             help="What happens across the seams; multiband for photographs, else none.",
         ),
         option(
             "--blend-width",
             heading="Tones and blend",
+            kept=True,
             type=FiniteRange(min=0, min_open=True),
             help="With --blend feather, multiband, gradient: over how many px.",
         ),
         option(
             "--give",
             heading="Seam",
+            kept=True,
             type=click.IntRange(1, MOST_BENT),
             metavar="PX",
             help="Bend the pictures by up to PX pixels until what crosses a seam goes on behind it; for "

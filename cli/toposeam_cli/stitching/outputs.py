@@ -171,6 +171,12 @@ class Outputs:
         return self.output.suffix.lower() not in (".jpg", ".jpeg")
 
 
+def outputs_of(out: Outputs) -> list[Path]:
+    """List the files that are to be written."""
+    values = (getattr(out, field.name) for field in dataclasses.fields(out))
+    return [path for path in values if isinstance(path, Path)]
+
+
 def numbered(out: Outputs, number: int) -> Outputs:
     """Return the same outputs for a group of pictures, with the group's number at the end of their names."""
     paths: dict[str, Any] = {
@@ -207,8 +213,7 @@ def check_outputs(out: Outputs) -> None:
     for path in (out.labels, out.overlay):
         if path is not None:
             check_output(path, out.force)
-    paths = out.output, out.seam, out.labels, out.overlay, out.history, out.save_layout, out.report
-    given = [real_path(path) for path in paths if path is not None]
+    given = list(map(real_path, outputs_of(out)))
     if len(set(given)) < len(given):
         raise ts.OptionError("two outputs have the same name; give each a name of its own")
     if suffix == ".ora" and (out.crop is not None or out.background is not None):

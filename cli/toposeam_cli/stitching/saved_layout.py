@@ -19,7 +19,7 @@ from toposeam.layers.canvas.canvas import extent_of
 from toposeam.layers.canvas.transforms import CameraTransform, similarity
 from toposeam_cli.app.command import HeadedOption
 from toposeam_cli.app.options import Keyed, KeyedFile, is_path
-from toposeam_cli.files.regular import check_regular
+from toposeam_cli.files.regular import check_regular, real_path
 from toposeam_cli.files.writing import check_output
 from toposeam_cli.media.layouts.any_layout import layout_in
 from toposeam_cli.media.layouts.hugin_project import ProjectPicture, project_text
@@ -32,7 +32,7 @@ from toposeam_cli.media.layouts.layout import (
     named_from,
 )
 from toposeam_cli.stitching.inputs import PlacedPictures
-from toposeam_cli.stitching.outputs import Outputs, foreign_to
+from toposeam_cli.stitching.outputs import Outputs, foreign_to, outputs_of
 from toposeam_cli.stitching.search_options import SeamOptions
 
 #: An option of the command line replaces these of a layout, too: they say the same otherwise, or belong to
@@ -176,7 +176,12 @@ def check_saving(out: Outputs, files: Sequence[Path], layout: Layout | None, pla
         )
     layout_text(path.parent, Layout(layers=tuple(layers)))
     if layout is not None and layout.labels is not None:
-        check_output(labels_path(path), out.force)
+        beside = labels_path(path)
+        check_output(beside, out.force)
+        if real_path(beside) in (real_path(each) for each in outputs_of(out)):
+            raise ts.OptionError(
+                f"'{beside}' is also where the labels of the layout go; give that output another name"
+            )
 
 
 def labels_path(path: Path) -> Path:

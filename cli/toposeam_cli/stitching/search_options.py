@@ -23,8 +23,9 @@ from toposeam_cli.stitching.outputs import Outputs
 if TYPE_CHECKING:
     from toposeam_cli.files.scratch import Scratch
 
-#: Below this correlation two pictures hardly show the same.
-_STRANGE = 0.1
+#: Below this correlation two pictures hardly show the same. Warped ones may fit to some px only, so that
+#: means of blocks of so many px, and a correlation of these, have to say it, too.
+_STRANGE, _BLOCK, _STRANGE_BLOCKS = 0.1, 8, 0.2
 #: So many pairs of pictures are named in warnings of one kind.
 _SHOWN = 3
 
@@ -286,8 +287,16 @@ def strangers(job: PlacedPictures, wrap: int | None = None, executor: Executor |
         f"{'' if j < count else ' all the way round'} (correlation {value:.2f}); check where they lie"
         f"{'' if j < count else ' and how wide --wrap is'}"
         for (i, j), value in ts.layers.correlations(layers, executor=executor).items()
-        if value < _STRANGE and i < count
+        if value < _STRANGE and i < count and not _fits_coarsely(job, layers, i, j)
     )
+
+
+def _fits_coarsely(job: PlacedPictures, layers: Sequence[ts.Layer], i: int, j: int) -> bool:
+    """Test whether two layers of which one is warped show the same but for some px."""
+    if not (job.warped(i) or (j < len(job.layers) and job.warped(j))):
+        return False
+    found = ts.layers.correlations([layers[i], layers[j]], block=_BLOCK)
+    return found.get((0, 1), 0.0) >= _STRANGE_BLOCKS
 
 
 def _few(sentences: Iterable[str]) -> list[str]:

@@ -47,8 +47,8 @@ def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "--save-layout",
             heading="Output",
             type=OUTPUT,
-            help="Also write where the pictures lie, as a layout (.toml) to give instead, or for Hugin "
-            "(.pto).",
+            help="Also write the whole work as a layout (.toml), which makes the same picture again, or its "
+            "places for Hugin (.pto).",
         ),
         option(
             "--report",

@@ -31,7 +31,7 @@ from toposeam_cli.media.layouts.layout import (
     layout_text,
     named_from,
 )
-from toposeam_cli.stitching.inputs import PlacedPictures
+from toposeam_cli.stitching.inputs import STORED_PIXELS, PlacedPictures
 from toposeam_cli.stitching.outputs import OPAQUE, Outputs, foreign_to, outputs_of
 from toposeam_cli.stitching.search_options import SeamOptions
 
@@ -141,9 +141,8 @@ def painted(layout: Layout, job: PlacedPictures, find: SeamOptions) -> dict[str,
         from toposeam_cli.media.layouts.label_picture import read_labels
 
         numbers = tuple(layout.numbers[number] for number in job.numbers)
-        label_map = read_labels(
-            labels.file, numbers, layout.count, round(find.of_stitch("max_megapixels") * 1e6)
-        )
+        limit = min(round(find.of_stitch("max_megapixels") * 1e6), STORED_PIXELS)
+        label_map = read_labels(labels.file, numbers, layout.count, limit)
         found["start"] = label_map, labels.at, labels.scale
     return found
 

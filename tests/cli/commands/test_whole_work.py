@@ -377,6 +377,13 @@ def test_a_layout_of_a_stranger(work, toposeam, text, phrase):
     assert not Path("out.png").exists()
 
 
+def test_labels_are_no_larger_than_memory(work, toposeam, monkeypatch):
+    Path("large.png").write_bytes(labels_png(np.zeros((40, 30), np.int16), 3))
+    Path("l.toml").write_text("[labels]\nfile = 'large.png'\nat = [0, 0]\nscale = 2\n" + placed_text())
+    monkeypatch.setattr(saved_layout, "STORED_PIXELS", 1199)
+    toposeam("stitch", "l.toml", "-o", "out.png").fails("'large.png' is 30 x 40 pixels, more than")
+
+
 #: A stroke with one value changed.
 STRANGE = {
     "layer": (3, "layer is 3; write the name of a layer, or its number from 0 to 2"),

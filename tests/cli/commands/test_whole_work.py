@@ -495,7 +495,7 @@ def test_cameras_are_shown_in_another_projection(work, toposeam):
     toposeam("stitch", "cameras.toml", "--fov", "0.1", *out).fails("the canvas shows nothing of")
 
 
-def test_a_round_canvas_is_cut_open_where_a_view_does_not_go_round(work):
+def test_a_view_that_does_not_go_round_is_cut_open(work):
     asked = inputs.PlaceFinding(options=inputs.PlaceOptions(projection="panini"), named=("--projection",))
     layers = read_layout(Path("cameras.toml")).layers
     sources = [inputs._Source(picture=None, name=one.name, transform=one.transform) for one in layers]

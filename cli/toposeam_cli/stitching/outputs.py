@@ -28,6 +28,9 @@ from toposeam_cli.media.pictures.background import colour_of
 from toposeam_cli.media.pictures.deep_zoom import check_deep_zoom, write_deep_zoom
 from toposeam_cli.media.pictures.picture import COMPRESSIONS, Keep, Picture, write_picture
 
+#: Formats that know no transparency.
+OPAQUE = (".jpg", ".jpeg")
+
 
 def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add the options of outputs: files, formats and cropping."""
@@ -44,8 +47,8 @@ def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "--save-layout",
             heading="Output",
             type=OUTPUT,
-            help="Also write where the pictures lie, as a layout (.toml) to give instead, or for Hugin "
-            "(.pto).",
+            help="Also write the whole work as a layout (.toml), which makes the same picture again, or its "
+            "places for Hugin (.pto).",
         ),
         option(
             "--report",
@@ -69,6 +72,7 @@ def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
         option(
             "--crop",
             heading="Output",
+            kept=True,
             type=click.Choice(["inside", "outside"]),
             help="The largest rectangle without holes, or all of it; inside for formats without "
             "transparency.",
@@ -76,6 +80,7 @@ def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
         option(
             "--fill-edges",
             heading="Output",
+            kept=True,
             type=click.IntRange(1, 1000),
             metavar="PX",
             help="Crop to what lies within PX pixels of the pictures, and fill there what none of them "
@@ -84,19 +89,28 @@ def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
         option(
             "--background",
             heading="Output",
+            kept=True,
             metavar="COLOUR",
             help="Fill holes with a colour, like white or #20304a.",
         ),
-        option("--quality", heading="Output", type=click.IntRange(1, 100), help="Of .jpg; 95 by default."),
+        option(
+            "--quality",
+            heading="Output",
+            kept=True,
+            type=click.IntRange(1, 100),
+            help="Of .jpg; 95 by default.",
+        ),
         option(
             "--compression",
             heading="Output",
+            kept=True,
             type=click.Choice(COMPRESSIONS),
             help="Of .tif; deflate by default.",
         ),
         option(
             "--pyramid",
             heading="Output",
+            kept=True,
             is_flag=True,
             help="Write .tif in tiles and at every size; .dzi always is.",
         ),
@@ -157,7 +171,13 @@ class Outputs:
     @property
     def has_alpha(self) -> bool:
         """True if the picture's format knows transparency."""
-        return self.output.suffix.lower() not in (".jpg", ".jpeg")
+        return self.output.suffix.lower() not in OPAQUE
+
+
+def outputs_of(out: Outputs) -> list[Path]:
+    """List the files that are to be written."""
+    values = (getattr(out, field.name) for field in dataclasses.fields(out))
+    return [path for path in values if isinstance(path, Path)]
 
 
 def numbered(out: Outputs, number: int) -> Outputs:
@@ -196,8 +216,7 @@ def check_outputs(out: Outputs) -> None:
     for path in (out.labels, out.overlay):
         if path is not None:
             check_output(path, out.force)
-    paths = out.output, out.seam, out.labels, out.overlay, out.history, out.save_layout, out.report
-    given = [real_path(path) for path in paths if path is not None]
+    given = list(map(real_path, outputs_of(out)))
     if len(set(given)) < len(given):
         raise ts.OptionError("two outputs have the same name; give each a name of its own")
     if suffix == ".ora" and (out.crop is not None or out.background is not None):
@@ -207,14 +226,26 @@ def check_outputs(out: Outputs) -> None:
         kept["--background"] = out.background is not None
         for name in (name for name, given in kept.items() if given):
             raise ts.OptionError(f"--fill-edges leaves no holes, and {name} keeps them; leave one out")
-    if out.pyramid and suffix not in (".tif", ".tiff"):
+    foreign = foreign_to(suffix)
+    if out.pyramid and "pyramid" in foreign:
         raise ts.OptionError(f"--pyramid is for .tif, not for {suffix}; leave it out, or write .tif or .dzi")
-    if out.quality is not None and suffix not in (".jpg", ".jpeg", ".dzi"):
+    if out.quality is not None and "quality" in foreign:
         raise ts.OptionError(f"--quality is for .jpg, and {suffix} loses nothing; leave it out")
-    if out.compression is not None and suffix not in (".tif", ".tiff"):
+    if out.compression is not None and "compression" in foreign:
         raise ts.OptionError(f"--compression is for .tif, not for {suffix}; leave it out")
     if out.background is not None:
         colour_of(out.background)
+
+
+def foreign_to(suffix: str) -> set[str]:
+    """Return the options of formats that files with this suffix have no use for."""
+    of_formats = {
+        "pyramid": (".tif", ".tiff"),
+        "quality": (".jpg", ".jpeg", ".dzi"),
+        "compression": (".tif", ".tiff"),
+    }
+    whole = {"crop", "background", "fill_edges"} if suffix == ".ora" else set()
+    return whole | {name for name, suffixes in of_formats.items() if suffix not in suffixes}
 
 
 def crop_of(out: Outputs, layers: Sequence[ts.Layer], *, goes_round: bool) -> str:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
@@ -23,6 +23,9 @@ from toposeam_cli.stitching.inputs import PlacedPictures
 from toposeam_cli.stitching.outputs import Outputs
 from toposeam_cli.stitching.rendering import Rendered
 from toposeam_cli.stitching.search_options import correlations
+
+if TYPE_CHECKING:
+    from toposeam_cli.media.layouts.layout import LayoutStroke
 
 #: Residual, px, above which a pair of pictures is reported, as a step of 2 px in an edge is visible; and the
 #: largest number of pairs that are named.
@@ -150,27 +153,35 @@ def hidden(composed: ts.layers.Composition, remedy: str) -> list[str]:
     return [f"{', '.join(names)} {do} not show, as others cover {them} and join better without; {remedy}"]
 
 
+def lost_strokes(composed: ts.layers.Composition, strokes: Sequence[LayoutStroke] | None) -> list[str]:
+    """Say in a sentence which of the strokes change nothing."""
+    lost = composed.solution.lost_strokes
+    if not lost or strokes is None:
+        return []
+    names = ", ".join(dict.fromkeys(composed.names[strokes[number].layer] for number in lost))
+    return [
+        f"{counted(len(lost), 'stroke')} on {names} changed nothing, as the picture has no pixels there "
+        "or no other one has; paint where pictures overlap"
+    ]
+
+
 def documents_of(
     rendered: Rendered, job: PlacedPictures, out: Outputs, executor: Executor | None
-) -> list[tuple[Path, bytes]]:
-    """Return the documents of a result, with their files: seams, history, places and page."""
-    composed, documents = rendered.composition, list[tuple[Path, bytes]]()
+) -> dict[Path, bytes]:
+    """Return the documents of a result, by their files: seams, history and page."""
+    composed, documents = rendered.composition, dict[Path, bytes]()
     if out.seam is not None:
         one = composed.seams[0] if len(job.layers) == 2 and not job.stored else composed
-        documents.append((out.seam, one.to_svg().encode()))
+        documents[out.seam] = one.to_svg().encode()
     if out.history is not None:
         from toposeam_cli.figures.search import draw_search
 
-        documents.append((out.history, draw_search(composed.seams[0], out.history.suffix)))
-    if out.save_layout is not None:
-        from toposeam_cli.stitching.saved_layout import saved_layout
-
-        documents.append((out.save_layout, saved_layout(job, out.save_layout).encode()))
+        documents[out.history] = draw_search(composed.seams[0], out.history.suffix)
     if out.report is not None:
         from toposeam_cli.stitching.seam_page import seam_page
 
         page = seam_page(out.output.name, job.layers, rendered, correlations(job, executor))
-        documents.append((out.report, page.encode(errors="backslashreplace")))
+        documents[out.report] = page.encode(errors="backslashreplace")
     return documents
 
 

@@ -271,6 +271,45 @@ def _homogeneous(matrix: Floats, points: Floats) -> tuple[Floats, Floats, Floats
     return across, down, w
 
 
+@dataclass(frozen=True, slots=True)
+class ReducedTransform:
+    """A transform between a reduced picture and a reduced canvas, or another reduced picture.
+
+    Examples
+    --------
+    >>> half = ReducedTransform(similarity((10, 20)), 2, 2)
+    >>> half.to_canvas(np.array([[0.0, 0.0]])).tolist()
+    [[5.0, 10.0]]
+    """
+
+    transform: Transform
+    #: px of the canvas per px of its reduced copy, and of the picture per px of its own.
+    canvas_scale: int
+    picture_scale: int
+
+    def to_canvas(self, points: Floats) -> Floats:
+        """Map (..., 2) points of the reduced picture."""
+        return reduced_points(
+            self.transform.to_canvas(enlarged(points, self.picture_scale)), self.canvas_scale
+        )
+
+    def to_picture(self, points: Floats) -> Floats:
+        """Map (..., 2) points of the reduced canvas."""
+        return reduced_points(
+            self.transform.to_picture(enlarged(points, self.canvas_scale)), self.picture_scale
+        )
+
+
+def enlarged(points: Floats, scale: int) -> Floats:
+    """Return points of a picture reduced by averages of `scale` × `scale` px as points of the picture."""
+    return points if scale == 1 else (points + 0.5) * scale - 0.5
+
+
+def reduced_points(points: Floats, scale: int) -> Floats:
+    """Invert :func:`enlarged`."""
+    return points if scale == 1 else (points + 0.5) / scale - 0.5
+
+
 def is_move(transform: Transform) -> bool:
     """Test whether a transform only moves."""
     if not isinstance(transform, PlaneTransform):

@@ -29,6 +29,8 @@ LARGEST_ENLARGEMENT = 3.0
 NOWHERE = -1e6
 #: Steps of Newton's method at most, to undo a distortion.
 _NEWTON_STEPS = 8
+#: Steps of a fixed point at most, to invert a mesh.
+_FIXED_POINT_STEPS = 30
 
 
 class Transform(Protocol):
@@ -271,6 +273,56 @@ def _homogeneous(matrix: Floats, points: Floats) -> tuple[Floats, Floats, Floats
     return across, down, w
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class MeshTransform:
+    """Another transform, and a smooth displacement on the canvas that varies over the picture.
+
+    The displacement is a uniform cubic B-spline on square cells. It is inverted by a fixed point: where a
+    point of the canvas, less the displacement of what it shows, lies by the other transform.
+
+    Examples
+    --------
+    >>> bent = MeshTransform(similarity((10, 0)), (64, 32), 32.0, np.full((4, 5, 2), 1.5))
+    >>> bent.to_canvas(np.array([[3.0, 4.0]])).tolist(), bent.to_picture(np.array([[14.5, 5.5]])).tolist()
+    ([[14.5, 5.5]], [[3.0, 4.0]])
+    """
+
+    base: Transform
+    #: Width and height of the picture, px.
+    size: tuple[int, int]
+    #: Side of a cell, px.
+    cell: float
+    #: (rows, columns, 2) coefficients of the displacement, px of the canvas; the second one of each row and
+    #: column belongs to the picture's first pixel.
+    coefficients: Floats
+
+    def shift(self, points: Floats) -> Floats:
+        """Compute the displacement, px of the canvas, at (..., 2) points of the picture."""
+        at = np.clip(points, 0, np.array(self.size) - 1.0) / self.cell + 1
+        where = np.moveaxis(at[..., ::-1], -1, 0)
+        planes = np.moveaxis(self.coefficients, -1, 0)
+        found = [scipy.ndimage.map_coordinates(one, where, order=3, prefilter=False) for one in planes]
+        return np.stack(found, axis=-1)
+
+    def to_canvas(self, points: Floats) -> Floats:
+        """Map (..., 2) points of the picture; NaN where the canvas does not show them."""
+        return np.asarray(self.base.to_canvas(points) + self.shift(points))
+
+    def to_picture(self, points: Floats) -> Floats:
+        """Map (..., 2) points of the canvas; `NOWHERE` where the picture does not show them."""
+        found = self.base.to_picture(points)
+        for _ in range(_FIXED_POINT_STEPS):
+            before, found = found, self.base.to_picture(points - self.shift(found))
+            if np.abs(found - before).max(initial=0.0) < 1e-3:
+                break
+        return found
+
+
+def unbent(transform: Transform) -> Transform:
+    """Return the transform that a mesh displaces, or the transform itself."""
+    return transform.base if isinstance(transform, MeshTransform) else transform
+
+
 @dataclass(frozen=True, slots=True)
 class ReducedTransform:
     """A transform between a reduced picture and a reduced canvas, or another reduced picture.
@@ -337,7 +389,8 @@ def reach(transform: Transform, size: tuple[int, int]) -> tuple[Floats, Floats] 
         x and y, px, whole where the field of view ends; None where the canvas shows nothing of it.
     """
     width, height = size
-    edge = transform.edge if isinstance(transform, CameraTransform) else math.inf
+    camera = unbent(transform)
+    edge = camera.edge if isinstance(camera, CameraTransform) else math.inf
     x, y = np.linspace(0, width - 1, 65), np.linspace(0, height - 1, 65)
     points = transform.to_canvas(np.stack(np.meshgrid(x, y), axis=-1))
     finite = np.isfinite(points).all(axis=-1)

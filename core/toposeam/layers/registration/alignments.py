@@ -18,18 +18,20 @@ from toposeam.layers.canvas.layer import Layer
 from toposeam.layers.canvas.transforms import PlaneTransform, Transform
 from toposeam.layers.mesh.trial import is_seen, reduced_copies, trial_seam
 from toposeam.layers.registration.homography import least_squares_homography
-from toposeam.layers.registration.placement import Placement
+from toposeam.layers.registration.pair_matching import Match
+from toposeam.layers.registration.placement import Placement, Residual
 
 
 def cheapest(
     pictures: Sequence[Layer],
     placement: Placement,
     others: Iterator[Placement],
+    planes: Sequence[Match] = (),
     *,
     gain: float = 0.6,
     stretch: float = 2.0,
 ) -> Placement:
-    """Choose the placement of two pictures whose trial seam is cheapest.
+    """Choose the placement of two pictures whose trial seam is cheapest, and bend them where that pays.
 
     Parameters
     ----------
@@ -38,6 +40,8 @@ def cheapest(
         The one that residuals prefer. It is kept where its seam is not to be seen, and the others are not
         computed then.
     others : iterator of Placement
+    planes : sequence of Match
+        Points of all planes; with none the pictures are not bent.
     gain : float
         Largest cost of another seam ÷ that of the seam of `placement`.
     stretch : float
@@ -45,19 +49,27 @@ def cheapest(
         factor, nor show less of it.
     """
     copies, scales = reduced_copies(pictures)
-
-    def cost(one: Placement) -> float:
-        trial = trial_seam(copies, scales, one.transforms, max(scales))
-        return np.inf if trial is None else float(trial[0].cost)
-
-    first = trial_seam(copies, scales, placement.transforms, max(scales))
-    if first is None or not is_seen(first[0], max(scales)):
+    best, trial = placement, trial_seam(copies, scales, placement.transforms, max(scales))
+    if trial is None or not is_seen(trial[0], max(scales)):
         return placement
-    best, least = placement, gain * float(first[0].cost)
+    least = gain * float(trial[0].cost)
     for other in (_in_view_of(placement, other) for other in others):
-        if _stretch(other) <= stretch and (own := cost(other)) < least:
-            best, least = other, own
-    return best
+        if _stretch(other) <= stretch:
+            own = trial_seam(copies, scales, other.transforms, max(scales))
+            if own is not None and float(own[0].cost) < least:
+                best, trial, least = other, own, float(own[0].cost)
+    if not planes or not is_seen(trial[0], max(scales)):
+        return best
+    from toposeam.layers.mesh.bending import bent  # most pictures are not bent
+
+    points = np.concatenate([one.first for one in planes]), np.concatenate([one.second for one in planes])
+    transforms = bent(copies, scales, best.transforms, best.sizes, points, float(trial[0].cost))
+    if transforms == best.transforms:
+        return best
+    here, there = (one.to_canvas(own) for one, own in zip(transforms, points, strict=True))
+    distances = np.hypot(*(there - here).T)
+    residual = Residual.of(distances, here, best.residuals[0, 1].features)
+    return replace(best, transforms=transforms, residuals={(0, 1): residual}, misfit=residual.median)
 
 
 def _stretch(placement: Placement) -> float:

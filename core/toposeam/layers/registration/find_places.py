@@ -293,17 +293,19 @@ def _by_the_seam(matcher: PairMatcher, options: PlaceOptions, placement: Placeme
     from toposeam.layers.registration.alignments import cheapest  # photographs only
 
     numbers, matches, labels = _joined(matcher, options, "homography")
+    planes = matcher.planes((numbers[0], numbers[1]))
 
     def others() -> Iterator[Placement]:
         families: Sequence[Family] = [one for one in options.families if one != placement.model]
         tried = [(family, matches) for family in families]
         if "plane" in options.families:
-            tried += [("plane", {(0, 1): match}) for match in matcher.planes((numbers[0], numbers[1]))[1:]]
+            tried += [("plane", {(0, 1): match}) for match in planes[1:]]
         for family, own in tried:
             with suppress(OverlapError):
                 yield _adjusted(matcher, replace(options, model=family), numbers, own, labels)
 
-    return cheapest([matcher.pictures[number] for number in numbers], placement, others())
+    pictures = [matcher.pictures[number] for number in numbers]
+    return cheapest(pictures, placement, others(), planes if options.model == "auto" else ())
 
 
 def _farthest(placement: Placement) -> float:

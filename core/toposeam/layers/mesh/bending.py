@@ -21,9 +21,9 @@ from toposeam.layers.mesh.trial import is_seen, trial_seam
 from toposeam.seam.result.seam import Seam
 
 #: px: scales of the robust weights of matches, first and after a flow.
-_SCALES, _LATER = (1e9, 12.0, 6.0, 3.0), (6.0, 3.0)
-#: Largest cost of a seam of bent pictures ÷ that of the plain one, for another round to follow.
-_DEARER = 1.3
+_SCALES, _LATER = (1e9, 10.0, 3.0), (3.0,)
+#: Largest cost of the first seam of bent pictures ÷ that of the plain one, for another round to follow.
+_DEARER = 1.1
 #: Rounds of flow.
 _ROUNDS = 2
 #: Least length of a line, px of the reduced picture.
@@ -72,7 +72,7 @@ def bent(
     zeros = np.zeros(len(matches[0]), np.intp)
     points = (zeros, zeros + 1, *matches)
     meshes = solved(flat_meshes(transforms, sizes), lines, points, _SCALES)
-    best, least, before = tuple(transforms), _GAIN * cost, np.inf
+    best, least = tuple(transforms), _GAIN * cost
     for number in range(_ROUNDS + 1):
         trial = trial_seam(copies, scales, meshes, most)
         if trial is None:
@@ -81,10 +81,9 @@ def bent(
         own = float(seam.cost)
         if own < least and folding(meshes) > _LEAST_AREA:
             best, least = tuple(meshes), own
-        hopeless = own > min(_DEARER * cost, before if number > 1 else np.inf)
+        hopeless = own > (_DEARER if number == 0 else 1.0) * cost
         if number == _ROUNDS or not is_seen(seam, most) or hopeless:
             break
-        before = own
         flow = _flow(copies, scales, meshes, (seam, layers))
         meshes = solved(meshes, lines, points, _LATER, flow)
     return best

@@ -27,7 +27,7 @@ def find_planes(
     sizes: _Sizes,
     tolerance: float,
     *,
-    most: int = 4,
+    most: int = 3,
     least: int = 15,
     parallax: float = 0.12,
 ) -> list[Homography]:

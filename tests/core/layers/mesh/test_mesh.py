@@ -161,3 +161,16 @@ def test_what_gains_nothing_is_not_bent(walked):
     assert (
         bent(copies, scales, plain, [(260, 200), (270, 200)], (own + np.array([130, 0]), own), cost) == plain
     )
+
+
+@pytest.mark.medium
+def test_placing_bends_unless_a_model_is_asked_for(walked):
+    views, _ = walked
+    found = ts.find_places(views)
+    assert 3 < found.bent < 40
+    assert found.misfit < 2
+    assert [unbent(one) is one for one in found.transforms] == [False, False]
+    asked = ts.find_places(views, model="plane")
+    assert asked.bent == 0
+    costs = [ts.stitch(one.layers, match_shading=True, blend="multiband").cost for one in (found, asked)]
+    assert costs[0] < 0.6 * costs[1]

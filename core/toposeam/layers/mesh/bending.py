@@ -32,7 +32,7 @@ _LINE = 20.0
 _NEAR = 0.1
 #: Largest cost of a seam of bent pictures ÷ that of the plain one, and least share to which an area may
 #: shrink.
-_GAIN, _LEAST_AREA = 0.85, 0.15
+_GAIN, _LEAST_AREA = 0.6, 0.15
 
 
 def bent(

@@ -14,7 +14,14 @@ import numpy.typing as npt
 
 import toposeam as ts
 from toposeam.images import full_scale
-from toposeam.layers.canvas.transforms import CameraTransform, Transform, is_move, settled, similarity
+from toposeam.layers.canvas.transforms import (
+    CameraTransform,
+    MeshTransform,
+    Transform,
+    is_move,
+    settled,
+    similarity,
+)
 from toposeam.layers.execution.tasks import Executor, results
 from toposeam.layers.registration.find_places import PlaceOptions, among, found_places
 from toposeam_cli.app.options import Keyed
@@ -525,8 +532,8 @@ def _sources(
 
 
 def _check_size(source: _Source) -> None:
-    """Refuse a picture whose size differs from that of its camera."""
-    if not isinstance(source.transform, CameraTransform):
+    """Refuse a picture whose size differs from that of its camera or mesh."""
+    if not isinstance(source.transform, CameraTransform | MeshTransform):
         return
     height, width = source.picture.pixels.shape[:2]
     if (width, height) != source.transform.size:

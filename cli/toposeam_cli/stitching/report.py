@@ -193,16 +193,19 @@ def _placement_lines(layers: tuple[ts.Layer, ...], placement: ts.layers.Placemen
         return [_moved(layers, placement, index) for index in range(len(layers))]
     pairs = counted(len(placement.residuals), "pair")
     left = f"{placement.misfit:.2f} px" if placement.misfit < 10 else f"{placement.misfit:.0f} px"
+    mesh = f", bent by up to {placement.bent:.0f} px" if placement.bent else ""
     if placement.model == "plane" or placement.focal is None:
-        return [f"{len(layers)} pictures of one plane by {pairs}, at most {left} left in the median of one"]
+        return [
+            f"{len(layers)} pictures of one plane by {pairs}{mesh}, at most {left} left in the median of one"
+        ]
     several = zip(placement.focals, placement.sizes, strict=True)
     lengths = sorted({round(equivalent_mm(focal, size)) for focal, size in several})
     length = f"length {lengths[0]}" if len(lengths) == 1 else f"lengths {lengths[0]} to {lengths[-1]}"
     bent = f", distortion {placement.distortion:+.4f}" if placement.distortion else ""
     wide = ", all the way round" if placement.wrap else ""
     return [
-        f"{len(layers)} pictures of a camera that turned, by {pairs}, at most {left} left in the median of "
-        f"one; focal {length} mm of 24 × 36{bent}, projection {placement.projection}{wide}"
+        f"{len(layers)} pictures of a camera that turned, by {pairs}{mesh}, at most {left} left in the "
+        f"median of one; focal {length} mm of 24 × 36{bent}, projection {placement.projection}{wide}"
     ]
 
 
@@ -266,7 +269,8 @@ def _placement_summary(job: PlacedPictures) -> dict[str, Any] | None:
         for (i, j), residual in placement.residuals.items()
     ]
     found = {"model": placement.model, "misfit_px": placement.misfit, **camera, "pairs": pairs}
-    return found | {"used": len(names), "left_out": list(placement.left_out.values())}
+    others = {"used": len(names), "left_out": list(placement.left_out.values())}
+    return found | {"bent_px": round(placement.bent, 2)} | others
 
 
 def _pair_summary(residual: Residual, correlation: float) -> dict[str, Any]:

@@ -6,7 +6,7 @@ Layers that are more than translated are warped by libvips, a strip at a time.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -49,14 +49,14 @@ def placed_layers(
     transforms = list(map(settled, transforms))
     if not all(map(is_move, transforms)):
         ts.layers.common_canvas(list(map(_blank, layers, transforms)), max_megapixels=max_megapixels)
-    placed = [_Warp(layer, transform, None) for layer, transform in zip(layers, transforms, strict=True)]
+    both = list(zip(layers, transforms, strict=True))
     if scratch is None:
-        return [_warped(one) for one in placed]
-    bent = [index for index, one in enumerate(placed) if not is_move(one.transform)]
-    items = (replace(placed[index], waits=scratch.new()) for index in bent)
+        return [_warped((*one, None)) for one in both]
+    bent = [index for index, (_, transform) in enumerate(both) if not is_move(transform)]
+    items = ((*both[index], scratch.new()) for index in bent)
     with scratch.failures_told():
         found = dict(zip(bent, results(executor, _warped, items), strict=True))
-    return [found.get(index) or _warped(one) for index, one in enumerate(placed)]
+    return [found.get(index) or on_canvas(*one) for index, one in enumerate(both)]
 
 
 def toned_layers(
@@ -99,23 +99,15 @@ def _blank(layer: ts.Layer, transform: Transform) -> ts.Layer:
     return ts.Layer(blank, at=(box.left, box.top), name=layer.name)
 
 
-@dataclass(frozen=True, slots=True)
-class _Warp:
-    """A layer to be warped, and the file for its pixels."""
-
-    layer: ts.Layer
-    transform: Transform
-    waits: Path | None
-
-
-def _warped(item: _Warp) -> ts.Layer:
-    layer, transform = item.layer, item.transform
+def _warped(item: tuple[ts.Layer, Transform, Path | None]) -> ts.Layer:
+    """Warp a layer, and store its pixels in a file if one is given."""
+    layer, transform, waits = item
     if is_move(transform):
         return on_canvas(layer, transform)
     box = warped_box(layer, transform)
     masks = {name: np.zeros(box.shape, bool) for name in ("mask", "keep") if getattr(layer, name) is not None}
     strips = _strips(layer, transform, box, masks)
-    if item.waits is None:
+    if waits is None:
         parts = list(strips)
         pixels, alpha = (
             np.concatenate([getattr(part, name) for part in parts]) for name in ("pixels", "alpha")
@@ -123,7 +115,7 @@ def _warped(item: _Warp) -> ts.Layer:
     else:
         from toposeam_cli.media.pictures.stored import stored_at
 
-        picture = stored_at(item.waits, strips)
+        picture = stored_at(waits, strips)
         pixels, alpha = picture.pixels, cast(np.ndarray, picture.alpha)
     return replace(
         layer,

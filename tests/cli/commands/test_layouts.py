@@ -75,12 +75,41 @@ LAYOUTS = {
     "misspelt": ("[[layer]]\nfile='a.png'\nposition=[0,0]", "'position', which is none of file, name"),
     "visible": ("[[layer]]\nfile='a.png'\nat=[0,0]\nvisible='no'", "write true or false"),
     "name": ("[[layer]]\nfile='a.png'\nat=[0,0]\nname=3", "write a text"),
+    "mesh": ("[[layer]]\nfile='a.png'\nat=[0,0]\nmesh={size=[60,50]}", "write its size, cell, x and y"),
+    "rows": (
+        "[[layer]]\nfile='a.png'\nat=[0,0]\nmesh={size=[60,50],cell=32.0,x=[[0]],y=[[0]]}",
+        "x is not 5 rows of 5 numbers",
+    ),
     "twice": (
         "[[layer]]\nfile='a.png'\nat=[0,0]\n[[layer]]\nfile='a.png'\nat=[9,0]",
         "give each a name of its own",
     ),
     "missing": ("[[layer]]\nfile='a.png'\nat=[0,0]\n[[layer]]\nfile='z.png'\nat=[9,0]", "there is no file"),
 }
+
+
+def test_a_layout_of_bent_pictures_is_read_back(three, toposeam):
+    rng = np.random.default_rng(0)
+    rows = [[round(float(value), 3) for value in row] for row in rng.uniform(-2, 2, (5, 5))]
+    mesh = f"mesh = {{ size = [60, 50], cell = 32.0, x = {rows}, y = {rows} }}"
+    bent = "matrix = [[1.0, 0.01, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]"
+    camera = "size = [60, 50]\nfocal = 80.0"
+    view = "[view]\nprojection = 'flat'\nradius = 80.0"
+    layers = [
+        f"[[layer]]\nfile = '{name}'\n{own}\n{mesh}" for name, own in (("a.png", bent), ("b.png", camera))
+    ]
+    (three / "l.toml").write_text("\n".join([view, *layers]))
+    assert toposeam("stitch", "l.toml", "-o", "out.png", "--save-layout", "saved.toml").code == 0
+    saved, given = (
+        [layer.transform for layer in read_layout(three / name).layers] for name in ("saved.toml", "l.toml")
+    )
+    spots = np.array([[0.0, 0.0], [30.0, 40.0], [59.0, 49.0]])
+    for one, other in zip(saved, given, strict=True):
+        assert one.to_canvas(spots) == pytest.approx(other.to_canvas(spots), abs=1e-6)
+        assert np.abs(one.to_canvas(spots) - one.base.to_canvas(spots)).max() > 0.3
+    gone = toposeam("stitch", "l.toml", "-o", "out.png", "--save-layout", "saved.pto", "--force")
+    assert gone.code == 1
+    assert "save a layout (.toml) instead" in gone.err
 
 
 @pytest.mark.parametrize(("text", "phrase"), LAYOUTS.values(), ids=LAYOUTS)

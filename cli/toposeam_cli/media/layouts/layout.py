@@ -36,6 +36,11 @@ A layer may be warped instead: by a homography from its pixels to the canvas, or
     lens = [0.0, -0.014, 0.0]  # a, b, c and d, e of Hugin
     shift = [0.0, 0.0]
 
+A picture that is warped may be bent, too, by displacements on the canvas: coefficients of a uniform cubic
+B-spline on square cells, those of the picture's first pixel in the second row and column::
+
+    mesh = { size = [512, 384], cell = 32.0, x = [[0.0, 0.1, …], …], y = [[0.0, 0.0, …], …] }
+
 What was chosen has the names of the command's options; those that the command line gives win. Strokes are
 painted on a picture, in its own pixels, and later ones win. Labels are the seams as they were seen at a
 smaller size, near which those at full size stay. Layers are counted from 0 in the order of this file, also
@@ -76,6 +81,7 @@ import toposeam as ts
 from toposeam.layers.canvas.transforms import (
     PROJECTIONS,
     CameraTransform,
+    MeshTransform,
     PlaneTransform,
     Projection,
     Transform,
@@ -85,12 +91,13 @@ from toposeam.layers.canvas.transforms import (
     settled,
     similarity,
     turned_camera,
+    unbent,
 )
 from toposeam.layers.labelling.strokes import KINDS, StrokeKind
 from toposeam_cli.files.regular import real_path
 from toposeam_cli.files.tables import read_table
 
-_KEYS = ("file", "name", "mask", "keep", "visible")
+_KEYS = ("file", "name", "mask", "keep", "visible", "mesh")
 #: Keys of a layer's transform, of which a layer has one group: a place, a matrix or a camera.
 _PLACE, _MATRIX = ("at", "turn", "scale"), ("matrix",)
 _CAMERA = ("size", "yaw", "pitch", "roll", "focal", "lens", "shift")
@@ -258,6 +265,8 @@ def _layer(path: Path, number: int, entry: Any, view: _View) -> LayoutLayer | No
             f"{where} says twice where it lies, by {ways[0][0]} and by {ways[1][0]}; leave one of them out"
         )
     transform = {_PLACE: _similarity, _MATRIX: _homography, _CAMERA: _camera}[ways[0]](where, entry, view)
+    if "mesh" in entry:
+        transform = _mesh(where, entry["mesh"], transform)
     if not isinstance(entry.get("visible", True), bool):
         raise ts.OptionError(f"{where}: visible is {entry['visible']!r}; write true or false")
     if not entry.get("visible", True):
@@ -386,6 +395,23 @@ def _camera(where: str, entry: dict[str, Any], view: _View) -> Transform:
     )
 
 
+def _mesh(where: str, entry: Any, base: Transform) -> Transform:
+    """Return a transform bent by the mesh of a layout."""
+    where = f"{where}, mesh"
+    if not isinstance(entry, dict) or set(entry) != {"size", "cell", "x", "y"}:
+        raise ts.OptionError(f"{where} is {entry!r}; write its size, cell, x and y")
+    width, height = (round(side) for side in _numbers(where, entry, "size", 2))
+    cell = _number(where, entry, "cell", math.nan, 1, _LARGEST_NUMBER)
+    rows, columns = (math.ceil(side / cell) + 3 for side in (height, width))
+    planes = []
+    for key in ("x", "y"):
+        given = entry[key]
+        if not isinstance(given, list) or len(given) != rows:
+            raise ts.OptionError(f"{where}: {key} is not {rows} rows of {columns} numbers; write these")
+        planes.append([_numbers(where, {key: row}, key, columns) for row in given])
+    return MeshTransform(base, (width, height), cell, np.moveaxis(np.array(planes), 0, -1))
+
+
 def _numbers(
     where: str, entry: dict[str, Any], key: str, count: int, largest: float = _LARGEST_NUMBER
 ) -> list[float]:
@@ -412,7 +438,8 @@ def layout_text(folder: Path, layout: Layout) -> str:
         For names that are not UTF-8, as TOML is.
     """
     tables = []
-    cameras = [layer.transform for layer in layout.layers if isinstance(layer.transform, CameraTransform)]
+    own = [unbent(layer.transform) for layer in layout.layers]
+    cameras = [transform for transform in own if isinstance(transform, CameraTransform)]
     if cameras or layout.wrap is not None:
         radius, projection = (cameras[0].radius, cameras[0].projection) if cameras else (1.0, "sphere")
         fov = cameras[0].fov if cameras else None
@@ -455,6 +482,8 @@ def _value(value: Any) -> str:
         return "true" if value else "false"
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(_value, value))}]"
+    if isinstance(value, Mapping):
+        return f"{{ {', '.join(f'{key} = {_value(one)}' for key, one in value.items())} }}"
     if not isinstance(value, str):
         return repr(value)
     if any("\ud800" <= character <= "\udfff" for character in value):
@@ -465,6 +494,12 @@ def _value(value: Any) -> str:
 def _transform_entry(transform: Transform) -> dict[str, Any]:
     """Return the keys of a layer's transform, which give :func:`settled` of it when they are read."""
     transform = settled(transform)
+    if isinstance(transform, MeshTransform):
+        x, y = (plane.tolist() for plane in np.moveaxis(transform.coefficients, -1, 0))
+        mesh = {"size": list(transform.size), "cell": transform.cell, "x": x, "y": y}
+        if isinstance(transform.base, PlaneTransform):
+            return {"matrix": transform.base.matrix.tolist(), "mesh": mesh}
+        return {**_transform_entry(transform.base), "mesh": mesh}
     if isinstance(transform, CameraTransform):
         yaw, pitch, roll = (round(angle, 10) + 0.0 for angle in angles_of(transform.rotation))
         return {

@@ -29,6 +29,8 @@ LARGEST_ENLARGEMENT = 3.0
 NOWHERE = -1e6
 #: Steps of Newton's method at most, to undo a distortion.
 _NEWTON_STEPS = 8
+#: Steps of a fixed point at most, to invert a mesh.
+_FIXED_POINT_STEPS = 30
 
 
 class Transform(Protocol):
@@ -271,6 +273,95 @@ def _homogeneous(matrix: Floats, points: Floats) -> tuple[Floats, Floats, Floats
     return across, down, w
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class MeshTransform:
+    """Another transform, and a smooth displacement on the canvas that varies over the picture.
+
+    The displacement is a uniform cubic B-spline on square cells. It is inverted by a fixed point: where a
+    point of the canvas, less the displacement of what it shows, lies by the other transform.
+
+    Examples
+    --------
+    >>> bent = MeshTransform(similarity((10, 0)), (64, 32), 32.0, np.full((4, 5, 2), 1.5))
+    >>> bent.to_canvas(np.array([[3.0, 4.0]])).tolist(), bent.to_picture(np.array([[14.5, 5.5]])).tolist()
+    ([[14.5, 5.5]], [[3.0, 4.0]])
+    """
+
+    base: Transform
+    #: Width and height of the picture, px.
+    size: tuple[int, int]
+    #: Side of a cell, px.
+    cell: float
+    #: (rows, columns, 2) coefficients of the displacement, px of the canvas; the second one of each row and
+    #: column belongs to the picture's first pixel.
+    coefficients: Floats
+
+    def shift(self, points: Floats) -> Floats:
+        """Compute the displacement, px of the canvas, at (..., 2) points of the picture."""
+        at = np.clip(points, 0, np.array(self.size) - 1.0) / self.cell + 1
+        where = np.moveaxis(at[..., ::-1], -1, 0)
+        planes = np.moveaxis(self.coefficients, -1, 0)
+        found = [scipy.ndimage.map_coordinates(one, where, order=3, prefilter=False) for one in planes]
+        return np.stack(found, axis=-1)
+
+    def to_canvas(self, points: Floats) -> Floats:
+        """Map (..., 2) points of the picture; NaN where the canvas does not show them."""
+        return np.asarray(self.base.to_canvas(points) + self.shift(points))
+
+    def to_picture(self, points: Floats) -> Floats:
+        """Map (..., 2) points of the canvas; `NOWHERE` where the picture does not show them."""
+        found = self.base.to_picture(points)
+        for _ in range(_FIXED_POINT_STEPS):
+            before, found = found, self.base.to_picture(points - self.shift(found))
+            if np.abs(found - before).max(initial=0.0) < 1e-3:
+                break
+        return found
+
+
+def unbent(transform: Transform) -> Transform:
+    """Return the transform that a mesh displaces, or the transform itself."""
+    return transform.base if isinstance(transform, MeshTransform) else transform
+
+
+@dataclass(frozen=True, slots=True)
+class ReducedTransform:
+    """A transform between a reduced picture and a reduced canvas, or another reduced picture.
+
+    Examples
+    --------
+    >>> half = ReducedTransform(similarity((10, 20)), 2, 2)
+    >>> half.to_canvas(np.array([[0.0, 0.0]])).tolist()
+    [[5.0, 10.0]]
+    """
+
+    transform: Transform
+    #: px of the canvas per px of its reduced copy, and of the picture per px of its own.
+    canvas_scale: int
+    picture_scale: int
+
+    def to_canvas(self, points: Floats) -> Floats:
+        """Map (..., 2) points of the reduced picture."""
+        return reduced_points(
+            self.transform.to_canvas(enlarged(points, self.picture_scale)), self.canvas_scale
+        )
+
+    def to_picture(self, points: Floats) -> Floats:
+        """Map (..., 2) points of the reduced canvas."""
+        return reduced_points(
+            self.transform.to_picture(enlarged(points, self.canvas_scale)), self.picture_scale
+        )
+
+
+def enlarged(points: Floats, scale: int) -> Floats:
+    """Return points of a picture reduced by averages of `scale` × `scale` px as points of the picture."""
+    return points if scale == 1 else (points + 0.5) * scale - 0.5
+
+
+def reduced_points(points: Floats, scale: int) -> Floats:
+    """Invert :func:`enlarged`."""
+    return points if scale == 1 else (points + 0.5) / scale - 0.5
+
+
 def is_move(transform: Transform) -> bool:
     """Test whether a transform only moves."""
     if not isinstance(transform, PlaneTransform):
@@ -324,7 +415,8 @@ def as_similarity(transform: Transform) -> tuple[float, float, float, float] | N
 
 
 def settled(transform: Transform) -> Transform:
-    """Round a transform, by less than 1e-6 px, so that its numbers in a text give it back exactly.
+    """Round a transform so that its numbers in a text give it back exactly: by less than 1e-6 px, the
+    displacements of a mesh by less than 1e-4 px.
 
     Examples
     --------
@@ -335,6 +427,9 @@ def settled(transform: Transform) -> Transform:
     if isinstance(transform, CameraTransform):
         angles = (round(angle, 10) + 0.0 for angle in angles_of(transform.rotation))
         return replace(transform, rotation=turned_camera(*angles))
+    if isinstance(transform, MeshTransform):
+        base = transform.base if isinstance(transform.base, PlaneTransform) else settled(transform.base)
+        return replace(transform, base=base, coefficients=transform.coefficients.round(4) + 0.0)
     found = None if is_move(transform) else as_similarity(transform)
     if found is None:
         return transform
@@ -351,7 +446,8 @@ def reach(transform: Transform, size: tuple[int, int]) -> tuple[Floats, Floats] 
         x and y, px, whole where the field of view ends; None where the canvas shows nothing of it.
     """
     width, height = size
-    edge = transform.edge if isinstance(transform, CameraTransform) else math.inf
+    camera = unbent(transform)
+    edge = camera.edge if isinstance(camera, CameraTransform) else math.inf
     x, y = np.linspace(0, width - 1, 65), np.linspace(0, height - 1, 65)
     points = transform.to_canvas(np.stack(np.meshgrid(x, y), axis=-1))
     finite = np.isfinite(points).all(axis=-1)

@@ -1,4 +1,5 @@
 from .align import Aligned, correlations
+from .alignments import cheapest
 from .bundle_adjustment import adjust_cameras, adjust_plane, left_over
 from .consensus import evidence_of, without_contradictions
 from .features import find_features
@@ -7,6 +8,7 @@ from .homography import applied
 from .pair_matching import Match
 from .perspective import View, camera_transforms, plane_transforms
 from .placement import MODELS, Placement, Residual
+from .planes import find_planes, together_verified
 
 __all__ = [
     "MODELS",
@@ -21,11 +23,14 @@ __all__ = [
     "among",
     "applied",
     "camera_transforms",
+    "cheapest",
     "correlations",
     "evidence_of",
     "find_features",
+    "find_planes",
     "found_places",
     "left_over",
     "plane_transforms",
+    "together_verified",
     "without_contradictions",
 ]

@@ -14,7 +14,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -52,7 +53,7 @@ if TYPE_CHECKING:
     from toposeam.layers.registration.perspective import ModelFit
 
 #: Largest distance, px, at the farthest twentieth of the points of any pair, with which similarities are
-#: taken without a comparison with other models.
+#: taken without a comparison with other models, and perspectives without one with other planes.
 _SIMILARITY_SUFFICES = 1.2
 #: Strongest pairs that decide whether similarities are tried at all.
 _DECIDING_PAIRS = 6
@@ -234,7 +235,7 @@ def found_places(
             options.points, [(picture.image.shape[1], picture.image.shape[0]) for picture in pictures]
         )
     matcher = PairMatcher(pictures, report, executor, given)
-    placement = _poorest_model(matcher, options)
+    placement = _by_the_seam(matcher, options, _poorest_model(matcher, options))
     if options.centre is not None and options.centre not in placement.numbers:
         raise OverlapError(
             "{centre} is to lie in the middle, but {why}; name another picture",
@@ -279,6 +280,32 @@ def _poorest_model(matcher: PairMatcher, options: PlaceOptions) -> Placement:
         return other
     largest = max(_SIMILARITY_SUFFICES, POORER_RATIO * _farthest(other))
     return similar if _farthest(similar) <= largest else other
+
+
+def _by_the_seam(matcher: PairMatcher, options: PlaceOptions, placement: Placement) -> Placement:
+    """Choose among the alignments of two photographs, unless all points fit, the one with the cheapest
+    seam.
+    """
+    if len(placement.numbers) != 2 or placement.model not in ("plane", "rotation") or options.points:
+        return placement
+    if _farthest(placement) <= _SIMILARITY_SUFFICES:
+        return placement
+    from toposeam.layers.registration.alignments import cheapest  # photographs only
+
+    numbers, matches, labels = _joined(matcher, options, "homography")
+    planes = matcher.planes((numbers[0], numbers[1]))
+
+    def others() -> Iterator[Placement]:
+        families: Sequence[Family] = [one for one in options.families if one != placement.model]
+        tried = [(family, matches) for family in families]
+        if "plane" in options.families:
+            tried += [("plane", {(0, 1): match}) for match in planes[1:]]
+        for family, own in tried:
+            with suppress(OverlapError):
+                yield _adjusted(matcher, replace(options, model=family), numbers, own, labels)
+
+    pictures = [matcher.pictures[number] for number in numbers]
+    return cheapest(pictures, placement, others(), planes if options.model == "auto" else ())
 
 
 def _farthest(placement: Placement) -> float:
@@ -395,9 +422,19 @@ def _by_similarity(
 
 def _by_perspective(matcher: PairMatcher, options: PlaceOptions) -> Placement:
     """Place most pictures on a plane, or as those of a camera that turns."""
+    return _adjusted(matcher, options, *_joined(matcher, options, "homography"))
+
+
+def _adjusted(
+    matcher: PairMatcher,
+    options: PlaceOptions,
+    numbers: Sequence[int],
+    matches: Mapping[Pair, Match],
+    labels: Indices,
+) -> Placement:
+    """Place pictures by a plane or a camera adjusted to their matches; parameters as from :func:`_joined`."""
     from toposeam.layers.registration import perspective  # shifts and similarities do without
 
-    numbers, matches, labels = _joined(matcher, options, "homography")
     fit = perspective.fit_models(
         [matcher.features[number] for number in numbers],
         matches,

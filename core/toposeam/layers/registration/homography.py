@@ -35,7 +35,12 @@ class Homography:
     @property
     def verified(self) -> bool:
         """Whether more matches agree than those of wrong pairs do by chance."""
-        return int(self.inliers.sum()) > _LEAST_INLIERS + _LEAST_INLIER_SHARE * self.overlap
+        return enough(int(self.inliers.sum()), self.overlap)
+
+
+def enough(inliers: int, overlap: int) -> bool:
+    """Test whether more of the matches in an overlap agree than those of wrong pairs do by chance."""
+    return inliers > _LEAST_INLIERS + _LEAST_INLIER_SHARE * overlap
 
 
 def applied(matrix: Floats, points: Floats) -> Floats:

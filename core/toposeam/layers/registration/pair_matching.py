@@ -17,11 +17,18 @@ from scipy.sparse.csgraph import connected_components
 from toposeam.arrays import Floats, Floats32, Indices
 from toposeam.heat.threads import one_thread
 from toposeam.layers.canvas.layer import Layer
-from toposeam.layers.canvas.transforms import PlaneTransform, Transform, reach
+from toposeam.layers.canvas.transforms import (
+    PlaneTransform,
+    ReducedTransform,
+    Transform,
+    enlarged,
+    reach,
+)
 from toposeam.layers.execution.tasks import Executor, results
 from toposeam.layers.labelling.label_map import Pair
 from toposeam.layers.registration.features import FeatureSet, describe_picture, shared_features
-from toposeam.layers.registration.homography import applied, find_homography, within
+from toposeam.layers.registration.homography import Homography, applied, find_homography, within
+from toposeam.layers.registration.planes import find_planes, together_verified
 
 #: Least correlation of two overlaps that are taken to show the same.
 LEAST_CORRELATION = 0.5
@@ -152,6 +159,10 @@ class PairMatcher:
         self._try("homography", dict.fromkeys(key for key in keys if key not in tried))
         return [tried[key] for key in keys]
 
+    def planes(self, pair: Pair) -> list[Match]:
+        """Match a pair by each plane of the scene, the one with most features first."""
+        return match_planes(self.features[pair[0]], self.features[pair[1]], self.shared(pair))
+
     def _try(self, kind: Kind, keys: Iterable[_Digests]) -> None:
         """Match pairs of different pictures that are not matched yet."""
         keys = list(keys)
@@ -257,25 +268,40 @@ def match_homography(a: FeatureSet, b: FeatureSet, shared: Indices) -> Match | N
     Match or None
         None where too few features agree.
     """
-    first, second = a.keypoints[shared[:, 0]], b.keypoints[shared[:, 1]]
-    sizes = (a.size, b.size)
     scale = float(max(a.scale, b.scale))
-    homography = find_homography(first, second, sizes, _TOLERANCE * scale)
-    if homography is None or not homography.verified:
+    first, second = a.keypoints[shared[:, 0]], b.keypoints[shared[:, 1]]
+    homography = find_homography(first, second, (a.size, b.size), _TOLERANCE * scale)
+    if homography is None:
         return None
+    if not homography.verified:
+        planes = find_planes(first, second, (a.size, b.size), _TOLERANCE * scale)
+        if not together_verified(first, planes):
+            return None
+    return _match_of(a, b, shared, homography)
+
+
+def match_planes(a: FeatureSet, b: FeatureSet, shared: Indices) -> list[Match]:
+    """Match two pictures by each plane that their features lie on; parameters of :func:`match_homography`."""
+    tolerance = _TOLERANCE * float(max(a.scale, b.scale))
+    both = a.keypoints[shared[:, 0]], b.keypoints[shared[:, 1]]
+    return [_match_of(a, b, shared, plane) for plane in find_planes(*both, (a.size, b.size), tolerance)]
+
+
+def _match_of(a: FeatureSet, b: FeatureSet, shared: Indices, homography: Homography) -> Match:
+    """Return the match of the features that agree with a homography."""
     inliers, back = homography.inliers, np.asarray(np.linalg.inv(homography.matrix), float)
     common = min(
         int(within(applied(back, a.keypoints), b.size).sum()),
         int(within(applied(homography.matrix, b.keypoints), a.size).sum()),
     )
     return Match(
-        first[inliers],
-        second[inliers],
+        a.keypoints[shared[inliers, 0]],
+        b.keypoints[shared[inliers, 1]],
         math.nan,
         matrix=homography.matrix,
         features=int(inliers.sum()),
         share=float(inliers.sum()) / max(common, 1),
-        uncertainty=_FEATURE_DEVIATION * scale,
+        uncertainty=_FEATURE_DEVIATION * float(max(a.scale, b.scale)),
     )
 
 
@@ -345,7 +371,7 @@ def find_patches(a: FeatureSet, b: FeatureSet, transform: Transform, count: int 
     from skimage.registration import phase_cross_correlation
 
     height, width = b.detail.shape
-    transform = _Reduced(transform, a.detail_scale, b.detail_scale)
+    transform = ReducedTransform(transform, a.detail_scale, b.detail_scale)
     reached = reach(transform, (width, height))
     if reached is None:
         return None
@@ -387,34 +413,10 @@ def find_patches(a: FeatureSet, b: FeatureSet, transform: Transform, count: int 
         return Match(np.zeros((0, 2)), np.zeros((0, 2)), min(correlation, 0.0))
     points = np.array(centres)
     return Match(
-        _enlarged(points, a.detail_scale),
-        _enlarged(transform.to_picture(points - np.array(shifts)), b.detail_scale),
+        enlarged(points, a.detail_scale),
+        enlarged(transform.to_picture(points - np.array(shifts)), b.detail_scale),
         correlation,
     )
-
-
-@dataclass(frozen=True, slots=True)
-class _Reduced:
-    """A transform between two reduced pictures."""
-
-    transform: Transform
-    #: px of each picture per px of its reduced copy.
-    first: int
-    second: int
-
-    def to_canvas(self, points: Floats) -> Floats:
-        return _reduced(self.transform.to_canvas(_enlarged(points, self.second)), self.first)
-
-    def to_picture(self, points: Floats) -> Floats:
-        return _reduced(self.transform.to_picture(_enlarged(points, self.first)), self.second)
-
-
-def _enlarged(points: Floats, scale: int) -> Floats:
-    return points if scale == 1 else (points + 0.5) * scale - 0.5
-
-
-def _reduced(points: Floats, scale: int) -> Floats:
-    return points if scale == 1 else (points + 0.5) / scale - 0.5
 
 
 def _is_cornered(patch: Floats32) -> bool:

@@ -11,7 +11,13 @@ import numpy as np
 
 from toposeam.arrays import Floats
 from toposeam.layers.canvas.layer import Layer
-from toposeam.layers.canvas.transforms import CameraTransform, Projection, Transform
+from toposeam.layers.canvas.transforms import (
+    CameraTransform,
+    MeshTransform,
+    Projection,
+    Transform,
+    unbent,
+)
 from toposeam.layers.labelling.label_map import Pair
 from toposeam.sentence import counted
 
@@ -91,7 +97,14 @@ class Placement:
     @property
     def focals(self) -> tuple[float, ...]:
         """The focal length of each picture of a camera that turned, px."""
-        return tuple(one.focal for one in self.transforms if isinstance(one, CameraTransform))
+        own = map(unbent, self.transforms)
+        return tuple(one.focal for one in own if isinstance(one, CameraTransform))
+
+    @property
+    def bent(self) -> float:
+        """The largest displacement, px of the canvas, by which meshes bend pictures; 0 where none does."""
+        meshes = [one.coefficients for one in self.transforms if isinstance(one, MeshTransform)]
+        return max((float(np.hypot(*np.moveaxis(one, -1, 0)).max()) for one in meshes), default=0.0)
 
     @cached_property
     def places(self) -> Floats:

@@ -403,6 +403,23 @@ def test_programs_are_started_in_one_place():
     assert found == STARTERS
 
 
+#: What prints, and the only modules that may: names of files may hold anything, which `say` escapes.
+PRINTS = re.compile(r"^(click\.(echo|secho|progressbar)|print|sys\.std(out|err)\.write)$")
+PRINTERS = {
+    "progress.py": {"click.echo", "click.progressbar", "sys.stderr.write"},
+    "__main__.py": {"sys.stderr.write"},
+}
+
+
+def test_what_is_printed_goes_through_one_function():
+    found: dict[str, set[str]] = {}
+    for path in (HERE / "cli" / "toposeam_cli").rglob("*.py"):
+        calls = [node.func for node in ast.walk(parsed(path)) if isinstance(node, ast.Call)]
+        for word in {match[0] for call in calls if (match := PRINTS.match(ast.unparse(call)))}:
+            found.setdefault(path.name, set()).add(word)
+    assert found == PRINTERS
+
+
 def test_names_of_tests_are_short():
     long = {
         f"{path.relative_to(HERE).as_posix()}: {node.name}"

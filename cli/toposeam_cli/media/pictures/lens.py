@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -30,7 +31,8 @@ def noted(path: Path | None) -> Mapping[int, Any]:
     if path is None:
         return {}
     try:
-        with Image.open(path) as image:
+        with warnings.catch_warnings(), Image.open(path) as image:
+            warnings.simplefilter("ignore")  # of damaged tags
             return dict(image.getexif().get_ifd(_SUB_IFD))
     except Exception:
         return {}

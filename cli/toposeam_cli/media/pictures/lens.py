@@ -31,9 +31,10 @@ def noted(path: Path | None) -> Mapping[int, Any]:
     if path is None:
         return {}
     try:
-        with warnings.catch_warnings(), Image.open(path) as image:
+        with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of damaged tags
-            return dict(image.getexif().get_ifd(_SUB_IFD))
+            with Image.open(path) as image:
+                return dict(image.getexif().get_ifd(_SUB_IFD))
     except Exception:
         return {}
 

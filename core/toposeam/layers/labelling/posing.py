@@ -108,7 +108,7 @@ def check_pairs(layers: Sequence[Layer]) -> None:
     meet = (np.maximum.outer(top, top) < np.minimum.outer(bottom, bottom)) & (
         np.maximum.outer(left, left) < np.minimum.outer(right, right)
     )
-    boxes, most = (np.count_nonzero(meet) - len(layers)) // 2, _most_pairs(len(layers))
+    boxes, most = (int(np.count_nonzero(meet)) - len(layers)) // 2, _most_pairs(len(layers))
     if boxes > _SURELY * most:
         raise _too_many(len(layers), len(layers), boxes, most)
     if boxes > most:  # fewer, if transparent parts overlap

@@ -8,7 +8,7 @@ from scipy import ndimage
 from skimage import data
 
 import toposeam as ts
-from toposeam.layers.canvas.transforms import similarity
+from toposeam.layers.canvas import similarity
 from toposeam.layers.composite.local_warp import bend
 
 WHOLE = data.astronaut()[:300, 100:420].copy()

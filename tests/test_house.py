@@ -2,6 +2,7 @@
 
 import ast
 import os
+import re
 import subprocess
 import sys
 from functools import cache
@@ -68,7 +69,7 @@ ARROWS = {
     "toposeam.solid": BELOW | {"toposeam.motif", "toposeam.volume"},
     "toposeam.typing": {"toposeam.layers", "toposeam.seam", "toposeam.texture", "toposeam.volume"},
     "toposeam_cli": set(),
-    "toposeam_cli.__main__": {"toposeam_cli.app"},
+    "toposeam_cli.__main__": {"toposeam_cli.app", "toposeam_gimp"},
     "toposeam_cli.app": CLI_CORE | {"toposeam_cli.files", "toposeam_cli.jobs"},
     "toposeam_cli.files": CLI_CORE,
     "toposeam_cli.jobs": CLI_CORE | {"toposeam_cli.files"},
@@ -376,6 +377,48 @@ def test_dataclasses_are_frozen_and_arrays_not_compared():
                 compared.append(f"{path.name}: {node.name}")
     assert not loose
     assert not compared
+
+
+#: What starts a program, and the only modules that may: all else goes through `launching`, which takes
+#: nothing from the working directory. `protect` does so for multiprocessing and for what GTK opens.
+STARTS = re.compile(
+    r"\b(subprocess\.(run|call|Popen|check_\w+|get\w+)|os\.(system|popen|startfile|exec\w+|spawn\w+|posix_spawn\w*)"
+    r"|webbrowser\.\w+|click\.(launch|edit|echo_via_pager)|create_subprocess\w+|pty\.\w+|get_context|ProcessPoolExecutor"
+    r"|LocalCluster|Gio\.(AppInfo|Subprocess)|GLib\.spawn\w*|show_uri\w*)\b"
+)
+STARTERS = {
+    "launching.py": {"subprocess.Popen"},
+    "workers.py": {"get_context", "ProcessPoolExecutor"},
+    "dask_workers.py": {"LocalCluster"},
+    "dialog.py": {"Gio.AppInfo"},
+}
+
+
+def test_programs_are_started_in_one_place():
+    found: dict[str, set[str]] = {}
+    for name, root in PACKAGES.items():
+        for path in (root / name).rglob("*.py"):
+            calls = [node.func for node in ast.walk(parsed(path)) if isinstance(node, ast.Call)]
+            for word in {match[0] for call in calls if (match := STARTS.search(ast.unparse(call)))}:
+                found.setdefault(path.name, set()).add(word)
+    assert found == STARTERS
+
+
+#: What prints, and the only modules that may: names of files may hold anything, which `say` escapes.
+PRINTS = re.compile(r"^(click\.(echo|secho|progressbar)|print|sys\.std(out|err)\.write)$")
+PRINTERS = {
+    "progress.py": {"click.echo", "click.progressbar", "sys.stderr.write"},
+    "__main__.py": {"sys.stderr.write"},
+}
+
+
+def test_what_is_printed_goes_through_one_function():
+    found: dict[str, set[str]] = {}
+    for path in (HERE / "cli" / "toposeam_cli").rglob("*.py"):
+        calls = [node.func for node in ast.walk(parsed(path)) if isinstance(node, ast.Call)]
+        for word in {match[0] for call in calls if (match := PRINTS.match(ast.unparse(call)))}:
+            found.setdefault(path.name, set()).add(word)
+    assert found == PRINTERS
 
 
 def test_names_of_tests_are_short():

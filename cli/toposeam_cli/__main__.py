@@ -9,11 +9,14 @@ import signal
 import sys
 from contextlib import suppress
 
+from toposeam_gimp.engine.launching import protect
+
 _LATER = ("SIGINT", "SIGTERM", "SIGHUP")
 
 
 def start() -> None:
     """Run the command line and end the process."""
+    protect(os.environ)
     if signal.getsignal(signal.SIGINT) == signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)  # while the libraries load, Ctrl-C ends us silently
     try:

@@ -20,6 +20,9 @@ from processes import descendants, living
 from toposeam_cli.__main__ import _flushed
 from toposeam_cli.media.pictures.picture import Picture, write_picture
 
+sys.path.append(str(Path(__file__).parents[1] / "fuzz"))
+from strangers import views
+
 pytestmark = pytest.mark.usefixtures("hangups_arrive")
 QUIET = ("Traceback", "resource_tracker", "Exception ignored", "something went wrong", "leaked")
 
@@ -225,6 +228,40 @@ def rows(table):
     if not table.exists():
         return []
     return [json.loads(line) for line in table.read_bytes().rpartition(b"\n")[0].splitlines()]
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="nobody tells of processes as Linux does")
+def test_photographs_that_are_killed_are_joined_whole_or_not(tmp_path):
+    rng = random.Random(SEED)  # noqa: S311 - no secret
+    files = [f"{number}.png" for number in range(3)]
+    for name, pixels in zip(files, views(np.random.default_rng(3)), strict=False):
+        write_picture(tmp_path / name, Picture(pixels=np.ascontiguousarray(pixels)))
+    made = ("-o", "out.png", "--save-layout", "out.toml", "--seam", "out.svg", "--report", "out.html")
+    line = [sys.executable, "-m", "toposeam_cli", "stitch", *files, *made, "-q"]
+    subprocess.run(line, cwd=tmp_path, check=True)
+    expected = {path.name: path.read_bytes() for path in tmp_path.glob("out.*")}
+    begun = time.monotonic()
+    subprocess.run([*line, "--force"], cwd=tmp_path, check=True)
+    longest, struck = time.monotonic() - begun, 0
+    for number in range(max(KILLS, 1)):
+        for path in tmp_path.glob("out.*"):
+            path.unlink()
+        child = subprocess.Popen(
+            line, cwd=tmp_path, stderr=subprocess.PIPE, text=True, start_new_session=True
+        )
+        time.sleep(rng.uniform(0.05, 1.1) * longest)
+        struck += strike(child, *[way for way in WAYS if way[1] != "worker"][number % 8], rng)
+        _, told = child.communicate(timeout=600)
+        assert_quiet(told)
+        wait_for_the_group(child)
+        left = {path.name: path.read_bytes() for path in tmp_path.glob("out.*")}
+        assert left.items() <= expected.items(), "something is half written"
+    assert struck > KILLS / 4
+    subprocess.run([*line, "--force"], cwd=tmp_path, check=True)
+    assert {path.name: path.read_bytes() for path in tmp_path.glob("out.*")} == expected
+    assert not list(tmp_path.glob(".toposeam-*"))
 
 
 def wait_for_the_group(child):

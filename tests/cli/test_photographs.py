@@ -868,7 +868,7 @@ def test_points_are_read_from_a_table(views, toposeam, sole):
         sole(phrase, *words)
     sole("--points is for places that are found, and here they are given", *words, "--offset", "40,3")
     Path("points.csv").write_bytes(b"\xff\xfe\0")
-    sole("'points.csv' is no table of points", *words)
+    sole("'points.csv' is not UTF-8", *words)
 
 
 @pytest.mark.medium

@@ -19,7 +19,7 @@ import click
 import numpy as np
 from click.testing import CliRunner
 from PIL import Image
-from strangers import MADE, READS, Door, fill
+from strangers import MADE, READS, VIEWS, Door, fill, fill_with_views
 from watched import LARGEST_BYTES, LONGEST_S, WORDS, TooLong, gone_bad, plain_png, tell, watched
 
 from toposeam_cli.app import registry
@@ -46,6 +46,11 @@ HOSTILE_SIZES = ["0x0", "1x100000", "999999x999999", "100000x1", "3x", "x3", "1x
 SUFFIXES = [".png", ".tif", ".jpg", ".webp", ".svg", ".ora", ".pdf", ".gif", ".toml", ".json", ".xyz", ""]
 #: The system's folder for temporary files, for the time of the run.
 TEMPORARY = Path("temporary").absolute()
+#: What ``stitch`` takes for photographs, by the names of its parameters.
+FOR_PHOTOGRAPHS = [
+    *("model", "focal", "lens", "projection", "fov", "groups", "skip_bad", "level", "save_layout", "report"),
+    *("blend", "match_tones", "match_shading", "crop", "as_json", "align", "give", "order", "centre"),
+]
 #: They make more than one file, and keep what they made when something fails later.
 KEEPING = {"batch", "book"}
 
@@ -100,6 +105,7 @@ class Fuzzer:
         for name, pixels in pictures.items():
             Image.fromarray(pixels).save(self.pool / name)
         fill(self.pool, base)
+        fill_with_views(self.pool, rng)
         (self.pool / "huge.png").write_bytes(plain_png(30_000, 20_000))  # 600 megapixels in one colour
         (self.pool / "layout.toml").write_text(
             '[[layer]]\nfile = "rgb.png"\nat = [0, 0]\n[[layer]]\nfile = "other.png"\nat = [30, 4]\n'
@@ -278,6 +284,8 @@ class Fuzzer:
                 given[parameter.name] = (
                     [parameter.opts[0], "32"] if isinstance(parameter, click.Option) else ["32"]
                 )
+        if words == ("stitch",) and self.rng.random() < 0.5:
+            given = self.photographs(parameters)
         if words == ("batch",):
             given = self.batch(parameters)
         if words == ("enblend",):  # it takes pictures of any size; this one is 45 seconds
@@ -287,6 +295,31 @@ class Fuzzer:
             number = next(parameter for parameter in parameters if isinstance(parameter.type, click.IntRange))
             given[number.name] = [number.opts[0], self.rng.choice(["1", "0", "-1", "10001"] + ["x"] * 20)]
         return words, command, given
+
+    def photographs(self, parameters):
+        """Photographs whose places are found, or a project or layout of them, and options for these."""
+        rng, known = self.rng, {parameter.name: parameter for parameter in parameters}
+        draw = rng.random()
+        files = [str(self.pool / name) for name in rng.sample(VIEWS, rng.choice([2, 2, 3, 4]))]
+        if draw < 0.3:
+            source = self.pool / rng.choice(["views.pto", "views.toml"])
+            files = [str(source)]
+            if rng.random() < 0.4:
+                self.add(f"bad{source.suffix}", gone_bad(source.read_bytes(), rng))
+                files = [str(self.pool / f"bad{source.suffix}")]
+        elif draw < 0.45:
+            self.add("bad_view.png", gone_bad((self.pool / "view1.png").read_bytes(), rng))
+            files.append(str(self.pool / "bad_view.png"))
+        given = {"pictures": files, "output": ["-o", self.output()]}
+        if rng.random() < 0.3:
+            points = self.pool / "points.csv"
+            if rng.random() < 0.5:
+                self.add("bad_points.csv", gone_bad(points.read_bytes(), rng))
+                points = self.pool / "bad_points.csv"
+            given["points"] = ["--points", str(points)]
+        for name in rng.sample(FOR_PHOTOGRAPHS, rng.choice([0, 1, 1, 2, 4])):
+            given[name] = self.words_for(known[name])
+        return given
 
     def batch(self, parameters):
         """A file of jobs, most of the time only to be looked at."""

@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from strangers import views
 from watched import LARGEST_BYTES, LONGEST_S, TooLong, tell, watched
 
 import toposeam as ts
@@ -115,6 +116,8 @@ class Fuzzer:
         known = [result for result in self.results if type(result).__name__ in said]
         if known and rng.random() < 0.8:
             return [rng.choice(known) for _ in range(2)] if "Sequence" in said else rng.choice(known)
+        if "Layer" in said and rng.random() < 0.3:
+            return [ts.Layer(view) for view in views(self.numbers)[: rng.choice([2, 3, 4])]]
         if "Layer" in said:
             return [ts.Layer(self.picture()), ts.Layer(self.picture(), at=(12, 3))]
         if "Callable" in said:

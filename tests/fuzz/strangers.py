@@ -37,6 +37,42 @@ class Door:
         return [f"tcp:{place}.mp4", f"http:/{place}/x.mp4", "12:30:05.mp4", "pipe:0.mp4"]
 
 
+#: Photographs that belong together, and one that does not.
+VIEWS = ["view0.png", "view1.png", "view2.png", "stranger.png"]
+
+
+def views(rng):
+    """(110, 120, 3) uint8 parts of one scene, 50 and 95 px further right, and one of another."""
+
+    def scene():
+        layers = [
+            np.kron(rng.random((24, 36, 3)), np.ones((8, 8, 1))),
+            np.kron(rng.random((48, 72, 3)), np.ones((4, 4, 1))),
+            np.kron(rng.random((96, 144, 3)), np.ones((2, 2, 1))),
+        ]
+        return (sum(layers) / 3 * 255).astype(np.uint8)
+
+    one = scene()
+    return [one[at : at + 110, x : x + 120] for x, at in ((0, 0), (50, 3), (95, 1))] + [scene()[:110, :120]]
+
+
+def fill_with_views(pool, rng):
+    """These as files, and the files that say where they lie."""
+    for name, pixels in zip(VIEWS, views(rng), strict=True):
+        Image.fromarray(pixels).save(pool / name)
+    points = [(70, 20, 20, 17), (110, 90, 60, 87), (75, 60, 25, 57), (100, 40, 50, 37)]
+    (pool / "points.csv").write_text(
+        "".join(f"view0.png,{x},{y},view1.png,{u},{v}\n" for x, y, u, v in points)
+    )
+    lines = [f'i w120 h110 f0 v40 r0 p0 y{16 * number} n"{name}"' for number, name in enumerate(VIEWS[:3])]
+    (pool / "views.pto").write_text("\n".join(["p f1 w400 h150 v80", *lines]) + "\n")
+    places = [(0, 0), (50, 3), (95, 1)]
+    entries = [
+        f'[[layer]]\nfile = "{name}"\nat = {list(at)}' for name, at in zip(VIEWS, places, strict=False)
+    ]
+    (pool / "views.toml").write_text("\n".join(entries) + "\n")
+
+
 def fill(pool, base):
     """Valid files of every kind that is read, into a folder; `base` is (72, 96, 3) uint8."""
     stack = np.stack([np.roll(base[:24, :32, 0], step, axis=1) for step in range(10)])

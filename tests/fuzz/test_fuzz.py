@@ -71,6 +71,16 @@ def test_commands(tmp_path, seed):
 
 @pytest.mark.slow
 @pytest.mark.timeout(600 * TIMES)
+def test_names_write_nothing_to_a_terminal(tmp_path):
+    found, bad = problems("terminal.py", FIRST, 120 * TIMES, tmp_path)
+    assert not bad, bad
+    codes = [outcome["code"] for outcome in found]
+    assert codes.count(0) > len(codes) / 20
+    assert any("\\x1b" in outcome["said"] for outcome in found), "no strange name was ever shown"
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600 * TIMES)
 @pytest.mark.parametrize("seed", range(FIRST, FIRST + 2))
 def test_functions(tmp_path, seed):
     found, bad = problems("functions.py", seed, 275 * TIMES, tmp_path)

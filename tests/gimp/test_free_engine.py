@@ -19,7 +19,7 @@ import toposeam as ts
 import toposeam_gimp
 from toposeam_engine.serving import PROTOCOL
 from toposeam_gimp.dialogs import rehearsal
-from toposeam_gimp.engine import folder, turns
+from toposeam_gimp.engine import folder, launching, turns
 from toposeam_gimp.engine import process as engine
 from toposeam_gimp.engine.call import Call, GoneError
 from toposeam_gimp.entries.table import PROCEDURES
@@ -153,7 +153,7 @@ def test_the_environment_is_cleaned():
         "PYTHONPATH": "x",
         "GI_TYPELIB_PATH": "x",
     }
-    clean = engine.clean_environment(dirty)
+    clean = launching.clean_environment(dirty)
     assert clean["PATH"] == "/bin"
     assert not set(clean) & (set(dirty) - {"PATH"})
     assert clean["OPENBLAS_NUM_THREADS"] == "1"
@@ -255,13 +255,18 @@ def test_a_closed_image_stops_the_engine():
         ask(script, progress=call.progress)
 
 
-def test_entries_change_images_one_after_another(own_temporary_folder):
-    code = f"""
-import sys
-from pathlib import Path
-from types import SimpleNamespace
+@pytest.fixture
+def session(tmp_path, monkeypatch):
+    """The folder of a session, which others cannot enter."""
+    folder = tmp_path / "session"
+    folder.mkdir(mode=0o700)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
+    return folder
+
+
+def test_entries_change_images_one_after_another(session):
+    code = """
 from toposeam_gimp.engine import turns
-turns.tempfile.gettempdir = lambda: {str(own_temporary_folder)!r}
 with turns.turn():
     print("mine", flush=True)
 """
@@ -270,6 +275,39 @@ with turns.turn():
         readable, _writable, _failed = select.select([other.stdout], [], [], 0.5)
         assert not readable
     assert other.communicate(timeout=60)[0] == b"mine\n"
+
+
+def test_an_entry_that_hangs_does_not_stop_the_others(session):
+    ran = []
+    with turns.turn(), turns.turn(patience_s=0.1):
+        ran.append(True)
+    assert ran
+
+
+@pytest.mark.parametrize("what", ["open to others", "a link", "relative", "gone"])
+def test_turns_lie_where_nobody_else_can_take_them(session, tmp_path, monkeypatch, what):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    if what == "open to others":
+        session.chmod(0o755)
+    elif what == "a link":
+        (tmp_path / "link").symlink_to(session)
+        monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "link"))
+    else:
+        monkeypatch.setenv("XDG_RUNTIME_DIR", "session" if what == "relative" else str(tmp_path / "gone"))
+    monkeypatch.chdir(tmp_path)
+    with turns.turn():
+        pass
+    own = tmp_path / "cache" / "toposeam" / "gimp"
+    assert (own / "turn").stat().st_mode & 0o177 == 0
+    assert own.stat().st_mode & 0o077 == 0
+    assert not list(session.iterdir())
+
+
+def test_turns_follow_no_link(session, tmp_path):
+    (session / "toposeam-turn").symlink_to(tmp_path / "made")
+    with turns.turn():
+        pass
+    assert not (tmp_path / "made").exists()
 
 
 def with_plug_in():

@@ -9,6 +9,8 @@ from typing import Any
 
 import click
 
+from toposeam_cli.app.progress import say
+
 #: These headings come after a command's own.
 _LAST = ("Output", "Speed and memory", "Help")
 #: Lines of examples in the short help.
@@ -142,7 +144,7 @@ def _show_all(ctx: click.Context, parameter: click.Parameter, value: bool) -> No
     """Print the full help and end."""
     if value and not ctx.resilient_parsing:
         ctx.meta[_ALL] = True
-        click.echo(ctx.get_help(), color=ctx.color)
+        say(ctx.get_help(), lines=True)
         ctx.exit()
 
 

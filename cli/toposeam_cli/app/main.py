@@ -12,6 +12,7 @@ from click.shell_completion import CompletionItem, get_completion_class
 
 from toposeam.sentence import sentence
 from toposeam_cli.app.command import HELP_WORDS, WORDS
+from toposeam_cli.app.progress import say, shown
 from toposeam_cli.app.registry import COMMANDS, CONTEXT, load
 from toposeam_cli.files.interruption import terminations_raised
 
@@ -81,6 +82,7 @@ class Commands(click.Group):
         try:
             code = run(*args, standalone_mode=False, **given)
         except click.ClickException as error:
+            vars(error).update(message=shown(error.message))  # click's own quote what was typed
             error.show()
             code = error.exit_code
         except click.Abort:
@@ -94,7 +96,7 @@ class Commands(click.Group):
             with terminations_raised():
                 super().invoke(ctx)  # what a command returns is for batches; here it would be an exit code
         except KeyboardInterrupt:
-            click.echo("Interrupted; no file was left unfinished.", err=True)
+            say("Interrupted; no file was left unfinished.", err=True)
             ctx.exit(130)
         except click.MissingParameter as error:  # its own text lists choices in several lines
             from toposeam_cli.app.remedies import of_missing
@@ -145,7 +147,7 @@ def completion(shell: str) -> None:
         script = kind(main, {}, "toposeam", "_TOPOSEAM_COMPLETE").source()
     except RuntimeError as error:
         raise click.ClickException(f"completion for {shell}: {error}") from error
-    click.echo(script)
+    say(script, lines=True)
 
 
 @main.command()
@@ -159,4 +161,4 @@ def manual() -> None:
 
     from toposeam_cli.app import shells
 
-    click.echo(shells.manual(main, "toposeam", version("toposeam")), nl=False)
+    say(shells.manual(main, "toposeam", version("toposeam")), lines=True, nl=False)

@@ -422,7 +422,7 @@ def placement(megapixels: float) -> Callable[[Callable[..., Any]], Callable[...,
         type=MEGAPIXELS,
         default=megapixels,
         show_default=True,
-        help="Refuse pictures that are larger, each or all together.",
+        help="Refuse pictures that are larger, each or all together, and if given a canvas that is.",
     )
 
     def decorate(command: Callable[..., Any]) -> Callable[..., Any]:

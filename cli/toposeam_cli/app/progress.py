@@ -1,4 +1,6 @@
-"""Progress bars on a terminal."""
+"""The one place that prints lines and progress bars: names of files and layers come from others, and may hold
+anything.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +13,38 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from toposeam.sentence import printable
+
 if TYPE_CHECKING:
     from toposeam_cli.jobs.runner import Progress
 
 #: Columns of a bar, and steps from its beginning to its end.
 _WIDTH = 30
 _STEPS = 1000
+
+
+def say(text: str, *, err: bool = False, lines: bool = False, nl: bool = True) -> None:
+    """Print a line, with escapes for line breaks, control characters and what turns the order of text round.
+
+    Parameters
+    ----------
+    text : str
+    err : bool
+        Whether to print to stderr.
+    lines : bool
+        Whether line breaks and tabs are the text's own: JSON, TOML, scripts, in which those of names are
+        escaped already.
+    nl : bool
+        Whether to end the line.
+    """
+    click.echo(shown(text, lines=lines), err=err, nl=nl)
+
+
+def shown(text: str, *, lines: bool = False) -> str:
+    """Return a text as :func:`say` prints it."""
+    if not lines:
+        return printable(text)
+    return "\n".join("\t".join(map(printable, line.split("\t"))) for line in text.split("\n"))
 
 
 class ProgressBar:
@@ -61,9 +89,10 @@ class ProgressBar:
     def say(self, text: str) -> None:
         """Print a line to stderr."""
         if self._bar is None:
-            click.echo(text, err=True)
+            say(text, err=True)
             return
-        click.echo(f"\r{' ' * (self._bar.max_width or 0)}\r{text}", err=True)
+        sys.stderr.write(f"\r{' ' * (self._bar.max_width or 0)}\r")
+        say(text, err=True)
         position, self._bar = self._bar.pos, self._new_bar()
         self._bar.make_step(position)
         self.draw()
@@ -95,7 +124,7 @@ def share_bar(label: str, quiet: bool) -> Iterator[Callable[[float], None] | Non
     if quiet or not _on_terminal():
         yield None
         return
-    bar = click.progressbar(length=_STEPS, label=label, file=sys.stderr)
+    bar = click.progressbar(length=_STEPS, label=shown(label), file=sys.stderr)
     try:  # not `with bar`: interrupted while it is drawn for the first time, it would leave the cursor hidden
         bar.render_progress()
         yield lambda share: bar.update(max(0, round(_STEPS * share) - bar.pos))

@@ -372,6 +372,8 @@ class _Lines:
 
     def __init__(self, path: Path, text: str) -> None:
         self._path, self._lines = path, text.splitlines()
+        #: The lines where tables of a name begin, by the name.
+        self._entries: dict[str, list[int]] = {}
 
     def of_key(self, key: str) -> str:
         """Name the line where a key is given, or where a table of that name begins."""
@@ -382,10 +384,13 @@ class _Lines:
 
     def of_entry(self, name: str, index: int) -> str:
         """Name the line where the table of that number begins."""
-        expression = re.compile(rf"""\s*\[\[\s*["']?{re.escape(name)}["']?\s*\]\]""")
-        found = [number for number, line in enumerate(self._lines, start=1) if expression.match(line)]
-        if index < len(found):
-            return self._where(found[index:])
+        if name not in self._entries:
+            expression = re.compile(rf"""\s*\[\[\s*["']?{re.escape(name)}["']?\s*\]\]""")
+            self._entries[name] = [
+                number for number, line in enumerate(self._lines, start=1) if expression.match(line)
+            ]
+        if index < len(self._entries[name]):
+            return self._where(self._entries[name][index : index + 1])
         return f"'{self._path}', entry {index + 1} of {name}"
 
     def _where(self, numbers: Sequence[int]) -> str:

@@ -15,7 +15,7 @@ import click
 from toposeam.errors import OptionError, TopoSeamError
 from toposeam_cli.app.command import Command
 from toposeam_cli.app.options import FILE, force_option, is_input, is_output, jobs_option, quiet_option
-from toposeam_cli.app.progress import progress_bar
+from toposeam_cli.app.progress import progress_bar, say
 from toposeam_cli.batch.entries import NAME, Entry, expand, parse_patterns, read_entries, to_words
 from toposeam_cli.batch.running import commands_with_outputs
 from toposeam_cli.files.interruption import Terminated
@@ -107,7 +107,7 @@ def batch(
                 if outcome.status == "failed":
                     bar.say(f"{outcome.job.name}: {outcome.message}")
     except (KeyboardInterrupt, Terminated):
-        click.echo(f"{tally.total()} of {len(jobs)} jobs have ended; run the same again to go on.", err=True)
+        say(f"{tally.total()} of {len(jobs)} jobs have ended; run the same again to go on.", err=True)
         raise
     if not quiet:
         parts = [
@@ -115,7 +115,7 @@ def batch(
             for status, text in _STATUSES.items()
             if tally[status] or status == "done"
         ]
-        click.echo(f"{', '.join(parts)} in {time.monotonic() - start:.1f} s; see {results}")
+        say(f"{', '.join(parts)} in {time.monotonic() - start:.1f} s; see {results}")
     if tally["failed"]:
         click.get_current_context().exit(1)
 
@@ -204,9 +204,9 @@ def _show(jobs: Sequence[Job], results: Path, fresh: bool) -> None:
             rows = journal.rows
     for job in jobs:
         if finished(job, rows.get(job.name)):
-            click.echo(f"# {job.name} is done")
+            say(f"# {job.name} is done")
         else:
-            click.echo(
+            say(
                 shlex.join(
                     ["toposeam", job.arguments["command"], *job.manner["manner"], *job.arguments["words"]]
                 )

@@ -20,7 +20,7 @@ from toposeam.motif.book import FINISH, SEASONS, SECOND_PRODUCT, book_recipe, ch
 from toposeam.motif.kinds import Kind
 from toposeam_cli.app.command import Command
 from toposeam_cli.app.options import FILE, FiniteRange, PaperLengthType, jobs_option, quiet_option
-from toposeam_cli.app.progress import progress_bar
+from toposeam_cli.app.progress import progress_bar, say
 from toposeam_cli.files.interruption import Terminated
 from toposeam_cli.files.regular import real_path
 from toposeam_cli.files.writing import all_or_nothing, atomic_write, check_output
@@ -156,7 +156,7 @@ def book(
     if not quiet:
         kinds = Counter(row["kind"] for row in rows)
         shares = "; ".join(f"{kinds[kind]} {kind.words}" for kind in Kind)
-        click.echo(
+        say(
             f"{folder}: {len(rows)} patterns ({shares}) in {time.monotonic() - start:.0f} s; open "
             f"{folder / 'book.html'}"
         )
@@ -295,7 +295,7 @@ def _run(
                 else:
                     results[outcome.job.name] = outcome.result
     except (KeyboardInterrupt, Terminated):
-        click.echo(f"{done} of {len(jobs)} {kind} are made; run the same again to go on.", err=True)
+        say(f"{done} of {len(jobs)} {kind} are made; run the same again to go on.", err=True)
         raise
     return [results[job.name] for job in jobs if job.name in results], failed
 

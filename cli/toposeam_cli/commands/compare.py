@@ -12,6 +12,7 @@ import numpy as np
 import toposeam as ts
 from toposeam_cli.app.command import Command
 from toposeam_cli.app.options import FILE, placement
+from toposeam_cli.app.progress import say
 from toposeam_cli.app.terms import said
 from toposeam_cli.stitching.inputs import PlacedPictures, arrange, read_avoid
 from toposeam_cli.stitching.positions import Where
@@ -88,9 +89,9 @@ def compare(
                 row["note"] = "no single line"
         rows.append(row)
     if as_json:
-        click.echo(json.dumps(rows, indent=2))
+        say(json.dumps(rows, indent=2), lines=True)
         return
-    click.echo(
+    say(
         f"{'method':<14}{'cost':>12}{'÷ optimum':>12}{'seconds':>11}{'iterations':>12}{'likeness':>10}"
         f"{'worst':>8}"
     )
@@ -99,9 +100,9 @@ def compare(
             likeness = f"{row['likeness']:>10.4f}{row['worst_likeness']:>8.4f}"
             numbers = f"{row['cost']:>12.4f}{row['ratio']:>12.5f}{row['seconds']:>11.4f}"
             line = f"{row['method']:<14}{numbers}{row['iterations'] or '–':>12}{likeness}"
-            click.echo(f"{line}  {'; '.join([row['verdict'], *([row['note']] if 'note' in row else [])])}")
+            say(f"{line}  {'; '.join([row['verdict'], *([row['note']] if 'note' in row else [])])}")
         else:
-            click.echo(f"{row['method']:<14}{'–':>12}  {row['note']}")
+            say(f"{row['method']:<14}{'–':>12}  {row['note']}")
 
 
 def _on_canvas(pair: PlacedPictures, shape: tuple[int, int]) -> list[np.ndarray[Any, Any]]:

@@ -14,7 +14,7 @@ import toposeam as ts
 from toposeam.layers.canvas.layer import Box
 from toposeam.layers.composite.stitch import composed_of_masks
 from toposeam_cli.app.options import OUTPUT
-from toposeam_cli.app.progress import share_bar
+from toposeam_cli.app.progress import say, share_bar
 from toposeam_cli.files.scratch import scratch
 from toposeam_cli.files.writing import all_or_nothing, check_output
 from toposeam_cli.media.pictures.masks import read_white
@@ -47,7 +47,7 @@ class _Words(click.Command):
         """Take out what does not matter, and say so."""
         words, ignored = understood(args)
         for option in dict.fromkeys(ignored):
-            click.echo(f"warning: {option} means nothing here and is left out", err=True)
+            say(f"warning: {option} means nothing here and is left out", err=True)
         return super().parse_args(ctx, words)
 
 
@@ -124,7 +124,7 @@ def enblend(words: tuple[str, ...], **given: Any) -> None:
             write(out, job, rendered, {}, files_of_pixels)
     if given["load_masks"] is None:
         for warning in hidden(whole, "mask the others in Hugin where one is to show"):
-            click.echo(f"warning: {warning}", err=True)
+            say(f"warning: {warning}", err=True)
 
 
 def _moved(layer: ts.Layer, frame: CanvasFrame) -> ts.Layer:

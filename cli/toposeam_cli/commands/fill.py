@@ -10,7 +10,7 @@ import toposeam as ts
 from toposeam.sentence import counted
 from toposeam_cli.app.command import Command, option
 from toposeam_cli.app.options import FILE, OUTPUT
-from toposeam_cli.app.progress import share_bar
+from toposeam_cli.app.progress import say, share_bar
 from toposeam_cli.media.pictures.masks import read_white
 from toposeam_cli.textures.options import (
     Patches,
@@ -114,4 +114,4 @@ def fill(
     goes.write(made, picture, maps)
     if not results.quiet:
         pieces = counted(made.count, "patch" if made.settings["by"] == "patches" else "shift")
-        click.echo(f"{output}: {made.settings['pixels']} px replaced by {pieces}")
+        say(f"{output}: {made.settings['pixels']} px replaced by {pieces}")

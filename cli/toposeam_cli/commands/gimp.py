@@ -9,6 +9,7 @@ import click
 
 from toposeam.errors import OptionError
 from toposeam_cli.app.options import FILE
+from toposeam_cli.app.progress import say
 from toposeam_cli.gimp.doctor import examine
 from toposeam_cli.gimp.environment import check_python, is_temporary, make_environment, usual_folder
 from toposeam_cli.gimp.folders import (
@@ -65,20 +66,18 @@ def install(gimp_version: str | None, folder: Path | None, python: Path | None, 
     without = check_python(engine)
     for profile in chosen:
         if is_new(profile) and (older := older_profiles(profile)):
-            click.echo(
+            say(
                 f"{profile.title} was never started; with its folder made now it will not take over the "
                 f"settings of {older[-1]}"
             )
-        click.echo(f"installed {install_into(profile, engine, without)}")
+        say(f"installed {install_into(profile, engine, without)}")
     if is_temporary(engine):
-        click.echo(
+        say(
             f"But {engine} is in a temporary environment, and GIMP will miss it. Use one that stays: "
             "toposeam gimp install --venv",
             err=True,
         )
-    click.echo(
-        "Start GIMP (again): the entries are in Filters > TopoSeam. If they are not: toposeam gimp doctor"
-    )
+    say("Start GIMP (again): the entries are in Filters > TopoSeam. If they are not: toposeam gimp doctor")
 
 
 @gimp.command()
@@ -90,9 +89,9 @@ def uninstall(gimp_version: str | None, folder: Path | None) -> None:
         place for profile in _chosen(gimp_version, folder) if (place := uninstall_from(profile)) is not None
     ]
     for place in removed:
-        click.echo(f"removed {place}")
+        say(f"removed {place}")
     if not removed:
-        click.echo("The plug-in is not installed; there is nothing to remove.")
+        say("The plug-in is not installed; there is nothing to remove.")
 
 
 @gimp.command()
@@ -103,9 +102,9 @@ def doctor(gimp_version: str | None, folder: Path | None) -> None:
     healthy = True
     for finding in examine(_chosen(gimp_version, folder)):
         healthy = healthy and finding.well
-        click.echo(f"{'ok     ' if finding.well else 'PROBLEM'}  {finding.text}")
+        say(f"{'ok     ' if finding.well else 'PROBLEM'}  {finding.text}")
         if finding.remedy:
-            click.echo(f"         → {finding.remedy}")
+            say(f"         → {finding.remedy}")
     if not healthy:
         raise click.exceptions.Exit(1)
 
@@ -120,7 +119,7 @@ def _chosen(gimp_version: str | None, folder: Path | None) -> list[Profile]:
 
 def _environment(folder: Path) -> Path:
     place = usual_folder() if folder == Path() else folder.expanduser().absolute()
-    click.echo(f"making an environment in {place} …")
+    say(f"making an environment in {place} …")
     return make_environment(place)
 
 

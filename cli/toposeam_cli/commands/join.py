@@ -14,7 +14,7 @@ import toposeam as ts
 from toposeam.motif.ink.printing import MAX_PATTERN
 from toposeam_cli.app.command import Command, option
 from toposeam_cli.app.options import FILE, OUTPUT, FiniteRange, PairType, force_option, quiet_option
-from toposeam_cli.app.progress import share_bar
+from toposeam_cli.app.progress import say, share_bar
 from toposeam_cli.files.writing import check_output
 from toposeam_cli.motifs.print_options import PrintOptions, check_print, print_options, write_print
 from toposeam_cli.motifs.printing import SUFFIXES, ink_names
@@ -164,7 +164,7 @@ def join(
     )
     if not quiet:
         steps, lines = joined.mismatch(), joined.visibility()
-        click.echo(
+        say(
             f"{output}: {extent}, {len(joined.motifs)} motifs; across borders they step {steps:.2f} times as "
             f"far as beside them, and borders show {lines:.2f} times as much as inner lines"
         )

@@ -21,7 +21,7 @@ from toposeam_cli.app.options import (
     quiet_option,
     surface_cost_option,
 )
-from toposeam_cli.app.progress import share_bar
+from toposeam_cli.app.progress import say, share_bar
 from toposeam_cli.files.writing import all_or_nothing, check_output, replacing
 from toposeam_cli.media.clips.clip import Clip, check_pixels
 from toposeam_cli.media.clips.cut import Cut, Duration
@@ -165,21 +165,21 @@ def loop(clip: Path, output: Path, **given: Any) -> None:
             with replacing(given["mesh"], force) as temporary:
                 _write_mesh(made.surfaces[0].mesh(), temporary, given["mesh"].suffix.lower())
     if read.sound and not quiet:
-        click.echo(f"{clip} has sound, which is left out", err=True)
+        say(f"{clip} has sound, which is left out", err=True)
     if made.verdict.moved is not None and not quiet:
         right, down = made.verdict.moved
-        click.echo(
+        say(
             f"the whole picture moves in {clip}, by {right} px across and {down} px down; if the camera did, "
             "stabilise the clip first, or take a part in which it stands still (--from, --to)",
             err=True,
         )
     if given["as_json"]:
-        click.echo(json.dumps(_summary(output, made, read.rate), ensure_ascii=False))
+        say(json.dumps(_summary(output, made, read.rate)))
     elif not quiet:
         count = len(made.frames)
         jumps = ", ".join(f"from {jump.leaves} to {jump.enters}" for jump in dict.fromkeys(made.jumps))
         seconds = float(count / read.rate)
-        click.echo(f"{output}: {counted(count, 'frame')} ({seconds:.2f} s), {jumps}; {made.verdict}")
+        say(f"{output}: {counted(count, 'frame')} ({seconds:.2f} s), {jumps}; {made.verdict}")
 
 
 def _summary(output: Path, made: ts.volume.Loop, rate: Fraction) -> dict[str, Any]:

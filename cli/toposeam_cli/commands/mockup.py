@@ -12,6 +12,7 @@ from toposeam.motif.ink.stroke_edges import EDGES
 from toposeam.motif.symmetry.tiling import period, tile
 from toposeam_cli.app.command import Command
 from toposeam_cli.app.options import FILE, OUTPUT, FiniteRange, PaperLengthType, force_option, quiet_option
+from toposeam_cli.app.progress import say
 from toposeam_cli.files.writing import check_output
 from toposeam_cli.media.pictures.colour import to_depth, widen
 from toposeam_cli.media.pictures.picture import MAX_MOTIF, read_within, write_picture
@@ -111,4 +112,4 @@ def mockup(
         write_picture(output, shown_at(drawn, dpi), force)
     if not quiet:
         width = shown.motif_mm if motif_width is None else motif_width
-        click.echo(f"{output}: {product}, one motif {width:g} mm wide")
+        say(f"{output}: {product}, one motif {width:g} mm wide")

@@ -13,7 +13,7 @@ import toposeam as ts
 from toposeam.motif.ink.palettes import Palette
 from toposeam_cli.app.command import Command, option
 from toposeam_cli.app.options import OUTPUT, PairType, force_option, quiet_option
-from toposeam_cli.app.progress import share_bar
+from toposeam_cli.app.progress import say, share_bar
 from toposeam_cli.files.writing import atomic_write, check_output, replacing
 from toposeam_cli.motifs.options import Beginning, Wanted, beginning_options, recipe_options
 from toposeam_cli.motifs.print_options import (
@@ -140,7 +140,7 @@ def motif(
     """  # noqa: D301 - click wants the character
     if palettes:
         for name, colours in ts.motif.PALETTES.items():
-            click.echo(f"{name:<11} {' '.join(colours)}")
+            say(f"{name:<11} {' '.join(colours)}")
         return
     if output is None and not show_recipe:
         raise click.UsageError("say where the motif goes: -o motif.png, .tif or .svg")
@@ -161,7 +161,7 @@ def motif(
     recipe = renamed(recipe, spot_names, edge)
     paper = ink.over(sheet_was, counts=None if sheet is None else sheet[::-1], pixels=pixels)
     if show_recipe:
-        click.echo(to_toml(recipe), nl=False)
+        say(to_toml(recipe), lines=True, nl=False)
     if output is None:
         return
     drawn = output.suffix.lower() == ".svg"
@@ -177,8 +177,8 @@ def motif(
     if not quiet:
         unseen = unseen_inks(recipe)
         if unseen is not None:
-            click.echo(unseen, err=True)
-        click.echo(f"{output}: {extent}, {describe(made, paper.counts)}", err=show_recipe)
+            say(unseen, err=True)
+        say(f"{output}: {extent}, {describe(made, paper.counts)}", err=show_recipe)
 
 
 def _solid(
@@ -207,7 +207,7 @@ def _solid(
     if not quiet:
         rows, columns = recipe.size
         extent = " × ".join(f"{side * element:.0f}" for side in (columns, rows, depth))
-        click.echo(
+        say(
             f"{output}: a block of {extent} mm, {len(mesh.faces)} triangles, {mesh.volume / 1000:.1f} ml"
             + (f" in {solid.pieces} pieces" if solid.pieces > 1 else "")
         )
@@ -244,7 +244,7 @@ def _explore(
         page = explore_page(recipes, counts[0], bar)
     atomic_write(output, page, force)
     if not quiet:
-        click.echo(f"{output}: {len(recipes)} motifs; open it, and click those to keep")
+        say(f"{output}: {len(recipes)} motifs; open it, and click those to keep")
 
 
 def _begun(beginning: Beginning) -> tuple[ts.motif.Recipe | None, dict[str, Any], dict[str, Any]]:

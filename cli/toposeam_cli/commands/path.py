@@ -10,7 +10,7 @@ import numpy as np
 import toposeam as ts
 from toposeam_cli.app.command import Command
 from toposeam_cli.app.options import FILE, OUTPUT, FiniteRange, OffsetType, force_option, quiet_option
-from toposeam_cli.app.progress import share_bar
+from toposeam_cli.app.progress import say, share_bar
 from toposeam_cli.files.writing import atomic_write, check_output
 from toposeam_cli.media.pictures.colour import to_depth
 from toposeam_cli.media.pictures.picture import Picture, read_within, write_picture
@@ -88,7 +88,7 @@ def path(
         for line, price in zip(found.paths, found.costs, strict=True):
             begin, end = (",".join(f"{value:g}" for value in point - 0.5) for point in line.points[[0, -1]])
             points = len(line.points)
-            click.echo(f"{begin} to {end}: {line.length:.1f} px, cost {price:.1f}, {points} points")
+            say(f"{begin} to {end}: {line.length:.1f} px, cost {price:.1f}, {points} points")
 
 
 def _brightness(picture: Picture) -> np.ndarray:

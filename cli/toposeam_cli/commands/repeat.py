@@ -16,7 +16,7 @@ from toposeam.motif.symmetry.kaleidoscope import GROUPS
 from toposeam.motif.symmetry.tiling import tile
 from toposeam_cli.app.command import Command
 from toposeam_cli.app.options import FILE, OUTPUT, OffsetType, PairType, force_option, quiet_option
-from toposeam_cli.app.progress import share_bar
+from toposeam_cli.app.progress import say, share_bar
 from toposeam_cli.files.writing import check_output
 from toposeam_cli.media.pictures.colour import to_depth
 from toposeam_cli.media.pictures.picture import MAX_MOTIF, Picture, read_within, write_picture
@@ -95,7 +95,7 @@ def repeat(
         height, width = sheet.pixels.shape[:2]
         extent = f"{width} × {height} px, {counts[0]} × {counts[1]} motifs by {rule}"
     if not quiet:
-        click.echo(f"{output}: {extent}")
+        say(f"{output}: {extent}")
 
 
 def _inked(

@@ -15,7 +15,7 @@ import toposeam as ts
 from toposeam.images import Windows
 from toposeam_cli.app.command import Command
 from toposeam_cli.app.options import FILE, force_option, placement, quiet_option, taken
-from toposeam_cli.app.progress import share_bar
+from toposeam_cli.app.progress import say, share_bar
 from toposeam_cli.files.writing import all_or_nothing
 from toposeam_cli.stitching.inputs import LAYOUTS, PlacedPictures, arrange
 from toposeam_cli.stitching.joining import join
@@ -121,9 +121,9 @@ def stitch(first: Path, second: Path | None, others: tuple[Path, ...], **given: 
             found = joined(members, finding.without_names(files, members), own)[1]
             result.setdefault("groups", []).append(found)
         except ts.OverlapError as error:
-            click.echo(f"left out: {error}", err=True)
+            say(f"left out: {error}", err=True)
     if out.as_json:
-        click.echo(json.dumps(result, indent=2))
+        say(json.dumps(result, indent=2), lines=True)
     return result
 
 
@@ -161,7 +161,7 @@ def _stitch(
             finding=finding.of(files if layout is None else [layer.file for layer in layout.layers]),
         )
     for reason in job.skipped:
-        click.echo(f"left out: {reason}", err=True)
+        say(f"left out: {reason}", err=True)
     kind = kind_of(job, finding)
     find, out = with_defaults(find, out, kind)
     if not all(isinstance(layer.image, Windows) for layer in job.layers):
@@ -199,9 +199,9 @@ def _stitch(
             report = {"report": line_of_job(rendered, job, aligned, out, means.workers)}
         write(out, job, rendered, documents, means.store)
     if "report" in report and not out.quiet:
-        click.echo(report["report"])
+        say(report["report"], lines=True)
     for warning in warnings:
-        click.echo(f"warning: {warning}", err=True)
+        say(f"warning: {warning}", err=True)
     return job, report
 
 
@@ -273,5 +273,5 @@ def _stitch_clips(files: list[Path], given: dict[str, Any]) -> dict[str, Any]:
                 f"{error}; three numbers are for clips, and two pictures take X,Y, like 120,-4"
             ) from error
     if not given["quiet"]:
-        click.echo(told)
+        say(told)
     return {}

@@ -25,7 +25,7 @@ from toposeam_cli.app.options import (
     grouped,
     refuse_besides,
 )
-from toposeam_cli.app.progress import share_bar
+from toposeam_cli.app.progress import say, share_bar
 from toposeam_cli.media.pictures.masks import read_white
 from toposeam_cli.media.pictures.picture import Picture, check_size, read_picture, write_picture
 from toposeam_cli.textures.maps import Maps, white_of
@@ -277,13 +277,13 @@ def synth(
         )
     dataclasses.replace(goes, preview=None).write(made, pictures[0], maps)
     if not results.quiet:
-        click.echo(
+        say(
             f"{output}: {size[0]} × {size[1]} px, {counted(made.count, 'patch')} of {made.patch[1]} × "
             f"{made.patch[0]} px"
         )
         if made.fits is not None and not isinstance(wanted, AutoSize):
             height, width = made.fits
-            click.echo(
+            say(
                 f"its order was stretched to close; a size that suits it is {width} × {height} px (--size "
                 f"auto:{size[0]}x{size[1]})"
             )

@@ -12,7 +12,7 @@ import toposeam as ts
 from toposeam.sentence import counted
 from toposeam_cli.app.command import Command, option
 from toposeam_cli.app.options import FILE, OUTPUT
-from toposeam_cli.app.progress import share_bar
+from toposeam_cli.app.progress import say, share_bar
 from toposeam_cli.media.pictures.picture import Picture
 from toposeam_cli.textures.maps import white_of
 from toposeam_cli.textures.options import (
@@ -112,14 +112,14 @@ def tile(
     goes.write(made, picture, maps)
     if not results.quiet:
         height, width = made.labels.shape
-        click.echo(
+        say(
             f"{output}: {width} × {height} px, {counted(made.count, 'patch')} in a band of "
             f"{made.settings['band']} px"
         )
         if cropped:
-            click.echo("cropped to where its order closes (--size keep: not)")
+            say("cropped to where its order closes (--size keep: not)")
         elif fits != (height, width):
-            click.echo(
+            say(
                 f"its order does not close on this size; cropped to {fits[1]} × {fits[0]} px it does (--size "
                 "auto)"
             )

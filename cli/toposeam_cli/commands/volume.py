@@ -20,7 +20,7 @@ from toposeam_cli.app.options import (
     quiet_option,
     surface_cost_option,
 )
-from toposeam_cli.app.progress import share_bar
+from toposeam_cli.app.progress import say, share_bar
 from toposeam_cli.files.temporary import claimed_folder, temporary_beside
 from toposeam_cli.files.writing import all_or_nothing, check_output, replacing
 from toposeam_cli.media.stacks.reading import MOST_VOXELS, read_stack
@@ -136,7 +136,7 @@ def volume(a: Path, b: Path, output: Path, **given: Any) -> None:
         proven = ""
         if made.surface is not None and made.surface.bound > 0:
             proven = f", cost {made.surface.cost / made.surface.bound - 1:.2%} above the least at most"
-        click.echo(f"{output}: {size} voxels{f', by blocks of {block}' if block else proven}")
+        say(f"{output}: {size} voxels{f', by blocks of {block}' if block else proven}")
 
 
 def _common_voxels(a: Stack, b: Stack, offset: tuple[int, int, int]) -> int:

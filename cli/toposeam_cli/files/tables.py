@@ -5,6 +5,7 @@ sentence.
 from __future__ import annotations
 
 import json
+import re
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,11 @@ from toposeam_cli.files.regular import check_regular
 LARGEST_BYTES = 2**20
 #: Deepest nesting of tables and lists; ours have three levels.
 _DEEPEST = 20
+#: A key of TOML with as many parts. A text between quotes has none that is meant, nor a name that long.
+_LONG_KEY = re.compile(
+    r"""(?<![\w"'.-])(?:[\w-]+|"[^"\n]{0,99}"|'[^'\n]{0,99}')"""
+    rf"""(?:[ \t]*\.[ \t]*(?:[\w-]+|"[^"\n]{{0,99}}"|'[^'\n]{{0,99}}')){{{_DEEPEST}}}"""
+)
 
 
 def read_table(path: Path, what: str, largest: int = LARGEST_BYTES) -> tuple[Any, str]:
@@ -41,6 +47,8 @@ def read_table(path: Path, what: str, largest: int = LARGEST_BYTES) -> tuple[Any
     text = read_text(path, what, largest)
     kind = "JSON" if path.suffix.lower() == ".json" else "TOML"
     try:
+        if kind == "TOML" and _LONG_KEY.search(text):  # for the longest tomllib takes half a minute
+            raise RecursionError
         table = json.loads(text) if kind == "JSON" else tomllib.loads(text)
         _check(path, table, 0)
     except RecursionError as error:

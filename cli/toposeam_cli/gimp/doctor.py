@@ -16,6 +16,7 @@ from pathlib import Path
 import toposeam as ts
 from toposeam_cli.gimp.folders import PLUG_IN, Profile
 from toposeam_cli.gimp.programs import Program, programs
+from toposeam_gimp.engine.launching import absolute_entries, run
 
 _INSTALL = "run: toposeam gimp install"
 _PROBE_S = 180.0
@@ -169,7 +170,7 @@ def _engine(profile: Profile) -> Iterator[Finding]:
                 place,
                 request,
                 lambda share: None,
-                command=[python, "-P", "-m", "toposeam_engine"],
+                command=engine.command_of(python),
                 silence_s=_PROBE_S,
             )
     except (engine.EngineError, folder.FolderError) as error:
@@ -199,24 +200,18 @@ def _probe(program: Program, profile: Profile) -> Finding:
         )
         command = [console, "-nidfs", "--batch-interpreter=python-fu-eval", "-b", _PROBE, "--quit"]
         own = str(Path(sys.executable).parent)  # the Python of a virtual environment lacks GIMP's modules
-        path = os.pathsep.join(part for part in os.environ.get("PATH", "").split(os.pathsep) if part != own)
-        environment = {**os.environ, "GIMP3_DIRECTORY": scratch, "PATH": path}
+        path = [entry for entry in absolute_entries(os.environ.get("PATH", "")) if entry != own]
+        environment = {**os.environ, "GIMP3_DIRECTORY": scratch, "PATH": os.pathsep.join(path)}
+        environment.pop("PYTHONSAFEPATH", None)
         try:
-            ended = subprocess.run(  # noqa: S603 - the GIMP that was found
-                command,
-                env=environment,
-                capture_output=True,
-                timeout=_PROBE_S,
-                stdin=subprocess.DEVNULL,
-                check=False,
-            )
+            ended = run(command, environment=environment, timeout_s=_PROBE_S)
         except (OSError, subprocess.TimeoutExpired) as error:
             return Finding(
                 False,
                 f"{name} could not be asked ({type(error).__name__})",
                 f"start it from a terminal and read what it says: {console}",
             )
-    said = (ended.stdout + ended.stderr).decode(errors="replace")
+    said = ended.stdout + ended.stderr
     if "TOPOSEAM True" in said:
         return Finding(True, f"{name} loads the plug-in: it is in Filters > TopoSeam after the next start")
     if "TOPOSEAM False" in said:

@@ -14,12 +14,14 @@ from pathlib import Path
 import toposeam as ts
 from toposeam.errors import OptionError
 from toposeam_cli.files.writing import OutputError
+from toposeam_gimp.engine.launching import ISOLATED, WITH_USERS_PACKAGES, run
 
 _ASK = (
     "import importlib.util, toposeam, toposeam_engine;"
     "print(toposeam.__version__, importlib.util.find_spec('maxflow') is not None)"
 )
 _ASK_S = 60.0
+_INSTALL = ("install", "--disable-pip-version-check", "--upgrade")
 
 
 def check_python(python: Path) -> list[str]:
@@ -31,9 +33,7 @@ def check_python(python: Path) -> list[str]:
         When it is no Python, or has no TopoSeam or another release of it.
     """
     try:
-        answer = subprocess.run(  # noqa: S603 - what the user named, and no shell
-            [str(python), "-P", "-c", _ASK], capture_output=True, text=True, timeout=_ASK_S, check=False
-        )
+        answer = run([str(python), *WITH_USERS_PACKAGES, "-c", _ASK], timeout_s=_ASK_S)
     except (OSError, subprocess.TimeoutExpired) as error:
         raise OptionError(
             f"{python} does not run ({type(error).__name__}); give the python of an environment that has "
@@ -89,15 +89,18 @@ def make_environment(folder: Path) -> Path:
         raise OptionError(f"{folder} holds something else; name an empty folder, as --venv FOLDER")
     python = folder / ("Scripts/python.exe" if sys.platform == "win32" else "bin/python")
     steps = (
-        ([sys.executable, "-m", "venv", str(folder)], "apt install python3-venv on Debian and Ubuntu"),
         (
-            [str(python), "-m", "pip", "install", "--disable-pip-version-check", "--upgrade", requirement()],
+            [sys.executable, *ISOLATED, "-m", "venv", str(folder)],
+            "apt install python3-venv on Debian and Ubuntu",
+        ),
+        (
+            [str(python), *ISOLATED, "-m", "pip", *_INSTALL, requirement()],
             "see whether the network can be reached",
         ),
     )
     for command, hint in steps:
         try:
-            ended = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - our own
+            ended = run(command)
         except OSError as error:
             raise OutputError(f"{command[0]} does not run ({error.strerror}); {hint}") from error
         if ended.returncode != 0:

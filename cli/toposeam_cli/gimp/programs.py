@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
-import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+
+from toposeam_gimp.engine.launching import absolute_entries, find_program, run
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,7 +35,7 @@ def programs() -> list[Program]:
     for folder in _folders():
         for file in sorted(folder.glob("gimp*")):
             match = re.fullmatch(r"gimp(-console)?-(\d+\.\d+)(\.exe)?", file.name)
-            if match is None or shutil.which(str(file)) is None:
+            if match is None or find_program(str(file)) is None:
                 continue
             version = match[2]
             known = found.get(version)
@@ -49,7 +49,7 @@ def _order(program: Program) -> list[int]:
 
 
 def _folders() -> Iterator[Path]:
-    yield from (Path(part) for part in os.environ.get("PATH", "").split(os.pathsep) if part)
+    yield from map(Path, absolute_entries(os.environ.get("PATH", "")))
     if sys.platform == "darwin":
         yield Path("/Applications/GIMP.app/Contents/MacOS")
     if sys.platform == "win32":
@@ -58,12 +58,10 @@ def _folders() -> Iterator[Path]:
 
 
 def _flatpaks() -> Iterator[Program]:
-    flatpak = shutil.which("flatpak")
+    flatpak = find_program("flatpak")
     if flatpak is None:
         return
-    answer = subprocess.run(  # noqa: S603 - the system's own
-        [flatpak, "info", "org.gimp.GIMP"], capture_output=True, text=True, check=False
-    )
+    answer = run([flatpak, "info", "org.gimp.GIMP"])
     match = re.search(r"Version:\s*(\d+\.\d+)", answer.stdout)
     if answer.returncode == 0 and match is not None:
         yield Program(version=match[1], console=None, kind="Flatpak")

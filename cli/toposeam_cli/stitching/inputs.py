@@ -23,18 +23,20 @@ from toposeam.layers.canvas.transforms import (
     similarity,
 )
 from toposeam.layers.execution.tasks import Executor, results
+from toposeam.layers.labelling import check_pairs
 from toposeam.layers.registration.find_places import PlaceOptions, among, found_places
 from toposeam_cli.app.options import Keyed
 from toposeam_cli.files.regular import check_pattern
 from toposeam_cli.media.pictures.decode import check_together, size_of
 from toposeam_cli.media.pictures.lens import exposure, focal_length, in_pixels, is_fisheye, noted
 from toposeam_cli.media.pictures.masks import read_white
-from toposeam_cli.media.pictures.picture import Picture, match_pictures, read_picture
+from toposeam_cli.media.pictures.picture import MAX_PIXELS, Picture, match_pictures, read_picture
 from toposeam_cli.stitching.positions import Where, places_of
-from toposeam_cli.stitching.resample import placed_layers
+from toposeam_cli.stitching.resample import blank, placed_layers
 
 if TYPE_CHECKING:
     from toposeam_cli.files.scratch import Scratch
+    from toposeam_cli.media.layouts.layout import LayoutLayer
 
 #: Metadata of a photograph, by EXIF tag.
 _Notes: TypeAlias = Mapping[int, Any]
@@ -265,7 +267,7 @@ def arrange(
     )
     sources = _with_masks(named, sources, masks, keeps)
     layers = _masked(named.layers, sources, limit)
-    most = max(max_megapixels, ts.MAX_PIXELS / 1e6)
+    most = canvas_megapixels(max_megapixels)
     place = partial(placed_layers, scratch=kept, executor=executor, max_megapixels=most)
     placement = None
     other_groups: tuple[tuple[Path, ...], ...] = ()
@@ -316,6 +318,29 @@ def _files_of(sources: Sequence[_Source]) -> dict[str, Any]:
         "masks": tuple(source.mask for source in sources),
         "keeps": tuple(source.keep for source in sources),
     }
+
+
+def canvas_megapixels(max_megapixels: float) -> float:
+    """Return the limit for the canvas: that of the pictures if one is given, else the library's."""
+    return ts.MAX_PIXELS / 1e6 if max_megapixels * 1e6 == MAX_PIXELS else max_megapixels
+
+
+def _check_extent(layers: Sequence[LayoutLayer], limit: int) -> None:
+    """Refuse a layout whose canvas is too large, or whose pictures overlap too often, before any is read.
+
+    Raises
+    ------
+    OptionError
+    """
+    blanks = []
+    for layer in layers:
+        with suppress(ts.ImageError):  # raised again where the file is read
+            width, height = size_of(layer.file)
+            nothing = np.broadcast_to(np.uint8(0), (height, width))
+            blanks.append(blank(ts.Layer(nothing, name=layer.name), layer.transform))
+    if blanks:
+        ts.layers.common_canvas(blanks, max_megapixels=canvas_megapixels(limit / 1e6))
+        check_pairs(blanks)
 
 
 def _as_placed(picture: Picture, layer: ts.Layer) -> Picture:
@@ -487,6 +512,7 @@ def _sources(
 
             layout = layout_in(files[0])
             placed, wrap = layout.layers, layout.wrap
+            _check_extent(placed, reading.limit)
             read = reading.read([layer.file for layer in placed], [layer.name for layer in placed])
             sources = [
                 _Source(

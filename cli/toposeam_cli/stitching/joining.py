@@ -10,7 +10,7 @@ from typing import Any
 import toposeam as ts
 from toposeam_cli.app.options import Keyed
 from toposeam_cli.app.progress import share_bar
-from toposeam_cli.stitching.inputs import PlacedPictures, read_avoid
+from toposeam_cli.stitching.inputs import PlacedPictures, canvas_megapixels, read_avoid
 from toposeam_cli.stitching.outputs import Outputs
 from toposeam_cli.stitching.resample import toned_layers
 from toposeam_cli.stitching.search_options import Means, SeamOptions
@@ -70,7 +70,7 @@ def _keywords(job: PlacedPictures, find: SeamOptions, out: Outputs) -> dict[str,
         given["start"] = ts.layers.LabelMap(labels=label_map, at=at, scale=scale)
     if find.use_seam:
         given["use_path"] = given_seams(find.use_seam, job)
-    given["max_megapixels"] = max(limit, ts.MAX_PIXELS / 1e6)
+    given["max_megapixels"] = canvas_megapixels(limit)
     given["record_frames"] = out.history is not None
     return given
 

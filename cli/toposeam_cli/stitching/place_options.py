@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,7 +18,7 @@ from toposeam.layers.registration.find_places import PlaceOptions
 from toposeam.layers.registration.placement import MODELS
 from toposeam_cli.app.command import option
 from toposeam_cli.app.options import FILE, FiniteRange
-from toposeam_cli.media.pictures.decode import check_input
+from toposeam_cli.files.tables import read_text
 from toposeam_cli.stitching.inputs import PlacedPictures, PlaceFinding, picture_number
 from toposeam_cli.stitching.outputs import Outputs
 from toposeam_cli.stitching.search_options import SeamOptions
@@ -202,27 +203,26 @@ def _number(files: Sequence[Path], name: str, said: str) -> int:
 
 def _read_points(path: Path, files: Sequence[Path]) -> dict[tuple[int, int], np.ndarray]:
     """Read the points that pairs of pictures have in common."""
-    check_input(path)
+    text = read_text(path, "a table of points")
     points: dict[tuple[int, int], list[list[float]]] = {}
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            for number, row in enumerate(csv.reader(file, skipinitialspace=True), 1):
-                if not row or row[0].startswith("#"):
-                    continue
-                line = f"'{path}', line {number}"
-                try:
-                    first, x, y, second, u, v = row
-                    numbers = [float(value) for value in (x, y, u, v)]
-                except ValueError as error:
-                    raise ts.OptionError(
-                        f"{line} is not picture, x, y, picture, x, y, like {files[0].name},812,340,"
-                        f"{files[-1].name},15.5,352"
-                    ) from error
-                pair = _number(files, first, f"{line}: {first}"), _number(files, second, f"{line}: {second}")
-                if pair[0] > pair[1]:
-                    pair, numbers = pair[::-1], numbers[2:] + numbers[:2]
-                points.setdefault(pair, []).append(numbers)
-    except (UnicodeDecodeError, csv.Error) as error:
+        for number, row in enumerate(csv.reader(io.StringIO(text, newline=""), skipinitialspace=True), 1):
+            if not row or row[0].startswith("#"):
+                continue
+            line = f"'{path}', line {number}"
+            try:
+                first, x, y, second, u, v = row
+                numbers = [float(value) for value in (x, y, u, v)]
+            except ValueError as error:
+                raise ts.OptionError(
+                    f"{line} is not picture, x, y, picture, x, y, like {files[0].name},812,340,"
+                    f"{files[-1].name},15.5,352"
+                ) from error
+            pair = _number(files, first, f"{line}: {first}"), _number(files, second, f"{line}: {second}")
+            if pair[0] > pair[1]:
+                pair, numbers = pair[::-1], numbers[2:] + numbers[:2]
+            points.setdefault(pair, []).append(numbers)
+    except csv.Error as error:
         raise ts.OptionError(f"'{path}' is no table of points; write lines of text (.csv)") from error
     return {pair: np.array(found) for pair, found in points.items()}
 

@@ -17,7 +17,7 @@ import toposeam as ts
 from toposeam.layers.canvas.canvas import extent_of
 from toposeam.layers.execution.tasks import Executor
 from toposeam.layers.registration.placement import Residual
-from toposeam.sentence import counted
+from toposeam.sentence import counted, printable
 from toposeam_cli.media.pictures.lens import equivalent_mm
 from toposeam_cli.stitching.inputs import PlacedPictures
 from toposeam_cli.stitching.outputs import Outputs
@@ -84,7 +84,7 @@ def line_of_job(
     if rendered.filled:
         text += f", {100 * rendered.filled:.1f} % of its pixels filled"
     placed = [*_placement_lines(job.layers, job.placement), *_describe_alignment(job.layers, aligned)]
-    return "\n".join([*placed, text])
+    return "\n".join(map(printable, [*placed, text]))
 
 
 def _describe_seams(composed: ts.layers.Composition, executor: Executor | None) -> str:

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 #: Number of rows of the canvas that are warped at once, and margin of source rows, px, that a bicubic spline
 #: needs.
 _STRIP_ROWS, _SPLINE_MARGIN = 128, 4
+#: Longest side of a picture whose place is only asked for, px.
+_LONGEST = 10**9
 
 
 def placed_layers(
@@ -48,7 +50,7 @@ def placed_layers(
     """
     transforms = list(map(settled, transforms))
     if not all(map(is_move, transforms)):
-        ts.layers.common_canvas(list(map(_blank, layers, transforms)), max_megapixels=max_megapixels)
+        ts.layers.common_canvas(list(map(blank, layers, transforms)), max_megapixels=max_megapixels)
     both = list(zip(layers, transforms, strict=True))
     if scratch is None:
         return [_warped((*one, None)) for one in both]
@@ -90,13 +92,14 @@ def _toned(item: tuple[ts.Layer, Path]) -> ts.Layer:
     return replace(layer, image=stored_in(waits, Picture(pixels=layer.image)).pixels)
 
 
-def _blank(layer: ts.Layer, transform: Transform) -> ts.Layer:
+def blank(layer: ts.Layer, transform: Transform) -> ts.Layer:
     """Make a layer of the size and place of a warped one, whose pixels take no memory."""
     if is_move(transform):
         return on_canvas(layer, transform)
     box = warped_box(layer, transform)
-    blank = np.broadcast_to(np.uint8(0), box.shape)
-    return ts.Layer(blank, at=(box.left, box.top), name=layer.name)
+    rows, columns = (min(side, _LONGEST) for side in box.shape)  # beyond it no array has an index
+    nothing = np.broadcast_to(np.uint8(0), (rows, columns))
+    return ts.Layer(nothing, at=(box.left, box.top), name=layer.name)
 
 
 def _warped(item: tuple[ts.Layer, Transform, Path | None]) -> ts.Layer:

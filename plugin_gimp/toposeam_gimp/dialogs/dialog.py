@@ -6,7 +6,6 @@ import random
 from collections.abc import Sequence
 from contextlib import suppress
 from importlib import import_module
-from pathlib import Path
 from typing import Any
 
 import gi
@@ -19,6 +18,7 @@ from toposeam_gimp.dialogs.drawable_choice import DrawableChoice  # noqa: E402
 from toposeam_gimp.dialogs.picture_choice import PictureChoice, picture  # noqa: E402
 from toposeam_gimp.dialogs.preview_pane import PreviewPane  # noqa: E402
 from toposeam_gimp.engine.call import GoneError, check_there  # noqa: E402
+from toposeam_gimp.engine.folder import users_folder  # noqa: E402
 from toposeam_gimp.engine.process import missing_methods  # noqa: E402
 from toposeam_gimp.entries.entry import Option, Procedure  # noqa: E402
 from toposeam_gimp.entries.help_page import write_help_page  # noqa: E402
@@ -220,10 +220,10 @@ class Dialog:
         button.show()
 
     def _help(self) -> None:
-        page = write_help_page(PROCEDURES.values(), Path(GLib.get_tmp_dir()))
-        section = self._entry.name.rpartition("-")[2]
-        with suppress(GLib.Error):
-            Gio.AppInfo.launch_default_for_uri(f"{page.as_uri()}#{section}", None)
+        page, section = "", self._entry.name.rpartition("-")[2]
+        with suppress(GLib.Error, OSError, RuntimeError):
+            page = write_help_page(PROCEDURES.values(), users_folder()).as_uri()
+            Gio.AppInfo.launch_default_for_uri(f"{page}#{section}", None)
             return
         text = Gtk.MessageDialog(
             transient_for=self._dialog, modal=True, buttons=Gtk.ButtonsType.CLOSE, text=self._entry.title

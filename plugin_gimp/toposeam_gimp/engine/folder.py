@@ -1,4 +1,6 @@
-"""GI-free: the private temporary folder of one request, and the removal of those that a crash has left."""
+"""GI-free: the private temporary folder of one request, the removal of those that a crash has left, and a
+folder of this user for what is kept.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +8,7 @@ import errno
 import os
 import secrets
 import shutil
+import sys
 import tempfile
 import time
 from contextlib import suppress
@@ -21,6 +24,28 @@ _SIGN_OF_LIFE = "alive"
 MARKER = "toposeam-request"
 #: Age of the last sign of life at which a folder counts as abandoned, s.
 STALE_S = 15 * 60.0
+
+
+def users_folder() -> Path:
+    """Return a folder for small files that only this user can open, in this user's cache; made if need be.
+
+    Raises
+    ------
+    OSError
+        When it cannot be made.
+    RuntimeError
+        When this user has no home.
+    """
+    cache = os.environ.get("XDG_CACHE_HOME", "")
+    if sys.platform == "win32":
+        place = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local") / "TopoSeam"
+    elif sys.platform == "darwin":
+        place = Path.home() / "Library" / "Caches" / "TopoSeam"
+    else:
+        place = (Path(cache) if Path(cache).is_absolute() else Path.home() / ".cache") / "toposeam" / "gimp"
+    place.mkdir(mode=0o700, parents=True, exist_ok=True)
+    place.chmod(0o700)
+    return place
 
 
 class FolderError(Exception):

@@ -10,18 +10,17 @@ from __future__ import annotations
 import json
 import os
 import queue
-import shutil
 import subprocess
 import sys
-import tempfile
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import IO, Any
 
 from toposeam_gimp import __version__
 from toposeam_gimp.engine.folder import RequestFolder
+from toposeam_gimp.engine.launching import WITH_USERS_PACKAGES, find_program, started
 from toposeam_gimp.sentences import in_gimps_words
 from toposeam_gimp.texts import _
 
@@ -30,24 +29,6 @@ PROTOCOL = 4
 SILENCE_S = 300.0
 #: Name of the file for the engine's stderr in a request's folder.
 _LOG = "engine.log"
-
-#: Variables for GIMP's own libraries, which another Python must not see.
-_FOREIGN = (
-    "LD_PRELOAD",
-    "LD_LIBRARY_PATH",
-    "DYLD_LIBRARY_PATH",
-    "DYLD_INSERT_LIBRARIES",
-    "PYTHONHOME",
-    "PYTHONPATH",
-    "PYTHONSTARTUP",
-    "PYTHONEXECUTABLE",
-    "PYTHONPLATLIBDIR",
-    "GI_TYPELIB_PATH",
-    "GTK_PATH",
-    "GDK_PIXBUF_MODULE_FILE",
-    "VIRTUAL_ENV",
-    "__PYVENV_LAUNCHER__",
-)
 
 _INSTALL = _("Run “toposeam gimp install” in a terminal, as the README of TopoSeam says, then try again.")
 
@@ -88,7 +69,7 @@ def find_python(environment: Mapping[str, str] | None = None, home: Path | None 
     environment = os.environ if environment is None else environment
     named = environment.get("TOPOSEAM_PYTHON")
     if named:
-        if shutil.which(named) is None:
+        if find_program(named) is None:
             text = _("TOPOSEAM_PYTHON is {python}, but that is not a program; correct it or unset it.")
             raise EngineError(text.format(python=named))
         return named
@@ -97,7 +78,7 @@ def find_python(environment: Mapping[str, str] | None = None, home: Path | None 
     except (OSError, ValueError, KeyError, TypeError):
         recorded = ""
     if recorded:
-        if shutil.which(recorded) is None:
+        if find_program(recorded) is None:
             gone = _("TopoSeam's engine {python} is gone.").format(python=recorded)
             raise NoEngineError(f"{gone} {_INSTALL}")
         return recorded
@@ -119,12 +100,9 @@ def _usual_places(home: Path) -> Iterator[Path]:
         yield home / tools / "toposeam" / python
 
 
-def clean_environment(environment: Mapping[str, str]) -> dict[str, str]:
-    """Return the environment without the variables of GIMP's launchers for their own Python and libraries,
-    and with one BLAS thread.
-    """
-    clean = {name: value for name, value in environment.items() if name not in _FOREIGN}
-    return {**clean, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "PYTHONUTF8": "1"}
+def command_of(python: str) -> list[str]:
+    """Return the command that starts the engine of a Python; a request's folder is appended."""
+    return [python, *WITH_USERS_PACKAGES, "-m", "toposeam_engine"]
 
 
 def ask(
@@ -228,16 +206,11 @@ class Engine:
         noise: IO[bytes] | int = subprocess.DEVNULL,
         command: Iterable[str] | None = None,
     ) -> None:
-        python = [find_python(), "-P", "-m", "toposeam_engine"] if command is None else list(command)
+        python = command_of(find_python()) if command is None else list(command)
+        self._block = ExitStack()
         try:
-            self._process = subprocess.Popen(  # noqa: S603 - the program the installer recorded, and no shell
-                [*python, *arguments],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=noise,
-                cwd=tempfile.gettempdir(),
-                env=clean_environment(os.environ),
-                creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+            self._process = self._block.enter_context(
+                started([*python, *arguments], stdin=subprocess.PIPE, stderr=noise)
             )
         except OSError as error:
             text = _("TopoSeam's engine {python} does not start ({reason}).")
@@ -284,6 +257,7 @@ class Engine:
         if self._process.stdin is not None:
             with suppress(OSError):
                 self._process.stdin.close()
+        self._block.close()
         return code
 
     def wait(self) -> int:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import subprocess
 import sys
@@ -11,7 +10,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from toposeam_gimp import __version__
-from toposeam_gimp.engine.process import EngineError, clean_environment, settings_file
+from toposeam_gimp.engine.launching import ISOLATED, WITH_USERS_PACKAGES, started
+from toposeam_gimp.engine.process import EngineError, settings_file
 from toposeam_gimp.texts import _
 
 _LEAST = (3, 11)
@@ -54,7 +54,7 @@ class SettingUp:
     """The installation of an environment; it can be stopped from another thread."""
 
     def __init__(self) -> None:
-        self._process: subprocess.Popen[str] | None = None
+        self._process: subprocess.Popen[bytes] | None = None
         self._stopped = False
 
     def stop(self) -> None:
@@ -75,11 +75,13 @@ class SettingUp:
         if folder.exists() and not (folder / "pyvenv.cfg").is_file() and any(folder.iterdir()):
             text = _("{folder} holds something else; move it elsewhere, and try again.")
             raise EngineError(text.format(folder=folder))
+        folder = folder.absolute()
         python = folder / ("Scripts/python.exe" if sys.platform == "win32" else "bin/python")
         try:
-            self._run([*self._python(), "-m", "venv", "--clear", str(folder)])
-            self._run([str(python), "-m", "pip", "install", "--disable-pip-version-check", f"{source}[cli]"])
-            version, maxflow = self._run([str(python), "-P", "-c", _ASK]).split()[-2:]
+            self._run([*self._python(), *ISOLATED, "-m", "venv", "--clear", str(folder)])
+            pip = [str(python), *ISOLATED, "-m", "pip", "install", "--disable-pip-version-check"]
+            self._run([*pip, f"{source.absolute()}[cli]"])
+            version, maxflow = self._run([str(python), *WITH_USERS_PACKAGES, "-c", _ASK]).split()[-2:]
             if version != __version__:
                 text = _("{source} is TopoSeam {other}, and the plug-in is of {own}; take the same release.")
                 raise EngineError(text.format(source=source.name, other=version, own=__version__))
@@ -98,7 +100,7 @@ class SettingUp:
         ask = f"import sys, venv, ensurepip; sys.exit(sys.version_info < {_LEAST})"
         for command in _pythons():
             try:
-                self._run([*command, "-c", ask])
+                self._run([*command, *ISOLATED, "-c", ask])
             except (OSError, EngineError):
                 continue
             return command
@@ -111,20 +113,10 @@ class SettingUp:
 
     def _run(self, command: Sequence[str]) -> str:
         """Run a program to its end; return its output."""
-        self._process = subprocess.Popen(  # noqa: S603 - Python, and no shell
-            command,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            encoding="utf-8",
-            errors="replace",
-            env=clean_environment(os.environ),
-            creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
-        )
-        if self._stopped:
-            self._process.kill()
-        said = self._process.communicate()[0]
+        with started(command, stderr=subprocess.STDOUT) as self._process:
+            if self._stopped:
+                self._process.kill()
+            said = self._process.communicate()[0].decode("utf-8", errors="replace")
         if self._stopped:
             raise StoppedError
         if self._process.returncode != 0:

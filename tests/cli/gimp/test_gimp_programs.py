@@ -13,6 +13,7 @@ import toposeam as ts
 from toposeam.errors import OptionError
 from toposeam_cli.commands import gimp as gimp_command
 from toposeam_cli.gimp import environment
+from toposeam_gimp.engine.launching import ISOLATED
 
 CHECKOUT = Path(__file__).parents[3]
 
@@ -131,11 +132,11 @@ def test_an_own_environment_is_made_from_the_same_requirement(home, tmp_path, mo
         called.append(command)
         return subprocess.CompletedProcess(command, 0, f"{ts.__version__} True", "")
 
-    monkeypatch.setattr(environment.subprocess, "run", call)
+    monkeypatch.setattr(environment, "run", call)
     run("install", "--venv", tmp_path / "own")
     python = str(tmp_path / "own" / "bin" / "python")
-    assert called[0] == [sys.executable, "-m", "venv", str(tmp_path / "own")]
-    assert called[1][:4] == [python, "-m", "pip", "install"]
+    assert called[0] == [sys.executable, *ISOLATED, "-m", "venv", str(tmp_path / "own")]
+    assert called[1][:7] == [python, *ISOLATED, "-m", "pip", "install"]
     assert called[1][-1] == environment.requirement()
     assert json.loads((plug_in(home, "3.0") / "engine.json").read_text())["python"] == python
 
@@ -143,7 +144,7 @@ def test_an_own_environment_is_made_from_the_same_requirement(home, tmp_path, mo
 def test_an_environment_is_never_filled_from_an_index(home, tmp_path, monkeypatch):
     """Of a TopoSeam that does not say where it is from, a package of its name would be a stranger's."""
     called = []
-    monkeypatch.setattr(environment.subprocess, "run", lambda *given, **_: called.append(given))
+    monkeypatch.setattr(environment, "run", lambda *given, **_: called.append(given))
     monkeypatch.setattr(
         environment, "distribution", lambda name: SimpleNamespace(read_text=lambda file: None)
     )
@@ -156,7 +157,7 @@ def test_an_environment_that_cannot_be_made_is_one_sentence(home, tmp_path, monk
     def refuse(command, **_options):
         return subprocess.CompletedProcess(command, 1, "", "ensurepip is not available")
 
-    monkeypatch.setattr(environment.subprocess, "run", refuse)
+    monkeypatch.setattr(environment, "run", refuse)
     output = run("install", "--venv", tmp_path / "own", code=1)
     assert "could not be made (ensurepip is not available); apt install python3-venv" in output
     assert not plug_in(home, "3.0").exists()

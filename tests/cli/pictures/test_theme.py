@@ -14,6 +14,16 @@ def test_a_palette_has_paper_and_one_ink_at_least():
         read_colours("#ffffff")
 
 
+def test_a_palettes_picture_may_be_transparent_in_part(tmp_path):
+    pixels = np.arange(16, dtype=np.uint8).reshape(4, 4)
+    alpha = np.where(pixels < 4, 255, 0).astype(np.uint8)
+    write_picture(tmp_path / "part.png", Picture(pixels=pixels, alpha=alpha))
+    np.testing.assert_array_equal(read_colours("part.png", tmp_path), [[0, 1, 2, 3]])
+    write_picture(tmp_path / "clear.png", Picture(pixels=pixels, alpha=np.zeros_like(alpha)))
+    with pytest.raises(ImageError, match="transparent everywhere; give one with colours"):
+        read_colours("clear.png", tmp_path)
+
+
 def test_a_theme_shows_something(tmp_path):
     alpha = np.zeros((9, 9), np.uint8)
     write_picture(tmp_path / "clear.png", Picture(pixels=np.full_like(alpha, 7), alpha=alpha))

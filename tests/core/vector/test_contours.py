@@ -29,6 +29,14 @@ def test_a_disc_has_the_circle_as_its_contour():
     assert np.abs(radius - 20).max() < 0.15
 
 
+@pytest.mark.parametrize("radii", [(80, 80), (80, 50), (90, 30)])
+def test_the_best_curve_is_fitted_so_that_few_are_enough(radii):
+    """With handles of a third of the length, taken where no best ones are found, it takes 70 to 87."""
+    y, x = np.mgrid[:200, :200] + 0.5
+    path = contour(1 - np.hypot((x - 100) / radii[0], (y - 100) / radii[1]), 0.0, periodic=False)
+    assert len(path.curves) < 60
+
+
 def test_curves_lie_on_the_level_and_join():
     density = blobs()
     path = contour(density, 0.4)

@@ -140,11 +140,6 @@ def decoding(path: Path, max_pixels: int) -> Iterator[Decoding]:
         icc, exif, xmp = (image.get(f"{name}-data") if f"{name}-data" in fields else None for name in _BLOCKS)
         yield Decoding(image, icc, resolution, exif, _xmp(xmp))
     except vips.Error as error:
-        if "samples out of range" in reason(error):
-            raise ImageError(
-                f"cannot read '{path}': its samples are of a kind libvips does not read, like 64-bit floats; "
-                "export it again with 32 bits"
-            ) from error
         raise _unreadable(path, error) from error
 
 
@@ -237,6 +232,11 @@ def refuse_together(count: int, total: int, max_pixels: int, where: str = "") ->
 def _unreadable(path: Path, error: Exception) -> ImageError:
     """Compose the error for a file that libvips does not read."""
     why = reason(error)
+    if "samples out of range" in why:
+        return ImageError(
+            f"cannot read '{path}': its samples are of a kind libvips does not read, like 64-bit floats; "
+            "export it again with 32 bits"
+        )
     if path.suffix.lower() in _HEIC:
         return ImageError(
             f"cannot read '{path}' ({why}): this libvips does not decode most HEIC files; install "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -30,8 +31,10 @@ def noted(path: Path | None) -> Mapping[int, Any]:
     if path is None:
         return {}
     try:
-        with Image.open(path) as image:
-            return dict(image.getexif().get_ifd(_SUB_IFD))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of damaged tags
+            with Image.open(path) as image:
+                return dict(image.getexif().get_ifd(_SUB_IFD))
     except Exception:
         return {}
 

@@ -19,6 +19,9 @@ from toposeam_cli.media.pictures.libvips import evaluate, load_vips, to_vips, wi
 
 #: Pillow's names of the formats; no others are tried.
 _FORMATS = ("BMP", "JPEG2000", "AVIF")
+#: Most pixels that a byte of a file may hold, and how many a file of any size may: their decoders take a
+#: second for some ten megapixels, whatever these show. Photographs have 1 to 30 a byte, scans up to 200.
+_DENSEST, _HARMLESS = 256, 16_000_000
 
 
 def pillow_size(path: Path) -> tuple[int, int] | None:
@@ -46,6 +49,7 @@ def as_png(path: Path, check: Callable[[int, int], None]) -> bytes | None:
         if image is None:
             return None
         check(*image.size)
+        _check_density(path, *image.size)
         try:
             values = _values(image)
         except Exception as error:  # Pillow's decoders raise errors of all kinds
@@ -55,6 +59,21 @@ def as_png(path: Path, check: Callable[[int, int], None]) -> bytes | None:
                 "export it again as PNG or TIFF"
             ) from error
         return _encoded(values, image.info)
+
+
+def _check_density(path: Path, width: int, height: int) -> None:
+    """Refuse a large picture in a small file, before a decoder spends minutes on what is not there.
+
+    Raises
+    ------
+    ImageError
+    """
+    size = path.stat().st_size
+    if width * height > max(_HARMLESS, _DENSEST * size):
+        raise ImageError(
+            f"'{path}' says that its {size} bytes hold {width} x {height} pixels, which no photograph needs "
+            "so few for; export it as PNG or TIFF if it is one"
+        )
 
 
 @contextmanager

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
 from toposeam.arrays import Image, Labels, Mask
 from toposeam.images import full_scale
@@ -67,6 +68,10 @@ class Composition(PictureResult):
         height, width = self.shape
         seams = counted(len(self.pairs), "seam")
         return f"Composition({len(self.layers)} layers, {width} × {height} px, {seams})"
+
+    def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> Image:
+        """Return the picture, so that NumPy and matplotlib take the composition as one."""
+        return np.array(self.image, dtype, copy=copy)
 
     def _repr_png_(self) -> bytes:
         from toposeam.display import to_png

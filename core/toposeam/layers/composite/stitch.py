@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
 import numpy.typing as npt
 
+from toposeam.images import full_scale
 from toposeam.layers.blending.blend import Blend, blending_of
 from toposeam.layers.canvas.canvas import Canvas, common_canvas
+from toposeam.layers.canvas.largest_rectangle import largest_full
 from toposeam.layers.canvas.layer import Layer, as_layers, check_layers
+from toposeam.layers.canvas.transforms import is_move
 from toposeam.layers.composite.composition import Composition
 from toposeam.layers.composite.label_maps import check_alike, find_label_map, label_map_of_masks
 from toposeam.layers.composite.options import SeamSearch, StitchOptions, with_signature
@@ -35,7 +38,10 @@ def stitch(layers: Sequence[Layer] | Sequence[npt.NDArray[Any]], **keywords: Any
         At least two, of one dtype; gray layers are widened to the others' channels. Their images may be
         :class:`toposeam.Windows`: the picture is computed when it is read, whole or by windows. The places
         of plain arrays are found first, by :func:`toposeam.find_places`; arrays that match none of the
-        others are left out with a warning.
+        others are left out with a warning. Photographs among them, which have to be turned or bent, are
+        joined as ``toposeam stitch`` joins them: with ``blend="multiband"`` and ``match_shading=True``
+        unless these are given, and cropped to the largest rectangle without holes (``result.canvas`` has
+        all). Arrays that only have to be moved, and layers, stay as they are.
     **keywords
         The fields of :class:`toposeam.layers.StitchOptions`, and those of the options of its method.
 
@@ -61,7 +67,7 @@ def stitch(layers: Sequence[Layer] | Sequence[npt.NDArray[Any]], **keywords: Any
     >>> stitch([whole[:, :180], whole[:, 120:]], blend="feather").image.shape
     (160, 300)
     """
-    placed, options = _with_places(layers, StitchOptions.of(keywords))
+    placed, options, bent = _with_places(layers, StitchOptions.of(keywords), keywords)
     if not options.give:
         joined = _joined(placed, options)
     else:
@@ -70,6 +76,8 @@ def stitch(layers: Sequence[Layer] | Sequence[npt.NDArray[Any]], **keywords: Any
         first, second = (dataclasses.replace(options, progress=_half(options, start)) for start in (0.0, 0.5))
         again = dataclasses.replace(second, match_tones=False, match_shading=False)
         joined = give_way(_joined(placed, first), options.give, lambda bent: _joined(bent, again))
+    if bent:
+        joined = _without_rims(joined)
     if options.progress is not None:
         options.progress(1.0)
     return joined
@@ -98,9 +106,13 @@ def _half(options: StitchOptions, start: float) -> Callable[[float], None] | Non
 
 
 def _with_places(
-    layers: Sequence[Layer] | Sequence[npt.NDArray[Any]], options: StitchOptions
-) -> tuple[Sequence[Layer], StitchOptions]:
-    """Find the places of plain arrays, and the canvas's width if it goes round."""
+    layers: Sequence[Layer] | Sequence[npt.NDArray[Any]], options: StitchOptions, given: Collection[str]
+) -> tuple[Sequence[Layer], StitchOptions, bool]:
+    """Find the places of plain arrays, and the canvas's width if it goes round.
+
+    Also returns the options, for photographs with their defaults where none are `given`, and whether they are
+    photographs.
+    """
     images = as_layers(layers)
     if (
         isinstance(images, tuple)
@@ -113,8 +125,20 @@ def _with_places(
         for reason in found.left_out.values():
             warnings.warn(f"left out: {reason}", stacklevel=3)
         wrap = found.wrap if options.wrap is None else options.wrap
-        return found.layers, dataclasses.replace(options, wrap=wrap)
-    return layers, options  # type: ignore[return-value]  # checked by the caller
+        bent = not all(map(is_move, found.transforms))
+        if bent and "blend" not in given:
+            options = dataclasses.replace(options, blend="multiband")
+        if bent and not {"match_tones", "match_shading"} & set(given):
+            options = dataclasses.replace(options, match_shading=True)
+        return found.layers, dataclasses.replace(options, wrap=wrap), bent
+    return layers, options, False  # type: ignore[return-value]  # checked by the caller
+
+
+def _without_rims(joined: Composition) -> Composition:
+    """Crop a picture to the largest rectangle in which every pixel is opaque."""
+    alpha = joined.alpha
+    box = None if alpha is None else largest_full(alpha == full_scale(alpha.dtype))
+    return joined if box is None else joined.crop(box)
 
 
 def composed_of_masks(

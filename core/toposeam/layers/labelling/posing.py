@@ -51,6 +51,9 @@ CORE = 0.5
 
 #: Largest number of overlapping pairs, in all or per layer, whichever is more: each takes memory and time.
 _MOST_PAIRS, _PAIRS_PER_LAYER = 20_000, 64
+#: So many times more pairs of rectangles are too many whatever is transparent in them: a picture turned by
+#: 45° fills half of its own.
+_SURELY = 2
 
 _T = TypeVar("_T")
 
@@ -105,8 +108,27 @@ def check_pairs(layers: Sequence[Layer]) -> None:
     meet = (np.maximum.outer(top, top) < np.minimum.outer(bottom, bottom)) & (
         np.maximum.outer(left, left) < np.minimum.outer(right, right)
     )
-    if np.count_nonzero(meet) > 2 * _MOST_PAIRS:  # fewer, if transparent parts overlap
+    boxes, most = (int(np.count_nonzero(meet)) - len(layers)) // 2, _most_pairs(len(layers))
+    if boxes > _SURELY * most:
+        raise _too_many(len(layers), len(layers), boxes, most)
+    if boxes > most:  # fewer, if transparent parts overlap
         _overlapping(canvas.places, canvas.covers)
+
+
+def _most_pairs(count: int) -> int:
+    return max(_MOST_PAIRS, _PAIRS_PER_LAYER * count)
+
+
+def _too_many(some: int, count: int, pairs: int, most: int) -> OptionError:
+    return OptionError(
+        "the first {some} of {count} layers overlap in {pairs} pairs, more than {most}; merge those that lie "
+        "on each other, or join fewer at a time",
+        kind="too many pairs",
+        some=some,
+        count=count,
+        pairs=pairs,
+        most=most,
+    )
 
 
 def _overlapping(places: Sequence[Box], covered: Sequence[Mask]) -> list[Pair]:
@@ -117,19 +139,11 @@ def _overlapping(places: Sequence[Box], covered: Sequence[Mask]) -> list[Pair]:
     OptionError
         If there are more than can be kept.
     """
-    pairs, most = [], max(_MOST_PAIRS, _PAIRS_PER_LAYER * len(places))
+    pairs, most = [], _most_pairs(len(places))
     for j in range(len(places)):
         pairs += [(i, j) for i in range(j) if meets(places, covered, i, j)]
         if len(pairs) > most:
-            raise OptionError(
-                "the first {some} of {count} layers overlap in {pairs} pairs, more than {most}; merge those "
-                "that lie on each other, or join fewer at a time",
-                kind="too many pairs",
-                some=j + 1,
-                count=len(places),
-                pairs=len(pairs),
-                most=most,
-            )
+            raise _too_many(j + 1, len(places), len(pairs), most)
     return sorted(pairs)
 
 

@@ -8,6 +8,7 @@ from scipy import ndimage
 from skimage import data
 
 import toposeam as ts
+from toposeam.layers.canvas import similarity
 from toposeam.layers.composite.local_warp import bend
 
 WHOLE = data.astronaut()[:300, 100:420].copy()
@@ -154,7 +155,9 @@ def test_what_crosses_a_seam_goes_on_all_the_way_round(start):
 
 
 def test_pictures_whose_places_were_found_go_round_bent_or_not(monkeypatch):
-    found = SimpleNamespace(layers=ring(150), wrap=PERIOD, left_out={})
+    layers = ring(150)
+    places = tuple(similarity(layer.at) for layer in layers)
+    found = SimpleNamespace(layers=layers, wrap=PERIOD, left_out={}, transforms=places)
     target = "toposeam.layers.registration.find_places.find_places"
     monkeypatch.setattr(target, lambda pictures, executor: found)
     composed = ts.stitch([layer.image for layer in found.layers], give=6)

@@ -25,6 +25,14 @@ def test_colour_costs_sum_the_differences_of_both_pixels():
     np.testing.assert_allclose(down, [[0.1, 0.5, 0.9]], atol=2e-6)
 
 
+def test_what_cannot_be_worse_costs_no_more():
+    """Beyond some mismatch a seam is seen, whatever the step: so few pixels do not outweigh a long way."""
+    flat = np.zeros((12, 12, 3))
+    faint, plain, plainest = (costs(flat, flat + step, law="natural")[0][6, 5] for step in (0.1, 0.5, 1.0))
+    assert plain == plainest
+    assert plain > 2 * faint
+
+
 def test_gradient_costs_divide_by_four_gradients_along_the_pair():
     a = np.array([[0.0, 0.2, 0.6]])
     b = np.array([[0.1, 0.2, 0.4]])

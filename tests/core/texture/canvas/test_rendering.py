@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import toposeam as ts
-from toposeam.texture.canvas import near_seams, render
+from toposeam.texture.canvas import near_seams, render, render_normals
 from toposeam.texture.exemplar import reduced
 
 
@@ -21,6 +21,25 @@ def test_at_the_border_of_a_cylinder_copies_mix_round_it(wrap, mixed):
     # The first column's left neighbour is the last one: its copy, continued to column 8, lies at 8 + 8.
     continued = np.float64(10 * (index[1, 7] + 1))
     assert made[1, 0] == (hard[1, 0] * 0.75 + continued * 0.25 if mixed else hard[1, 0])
+
+
+@pytest.mark.parametrize("kind", ["signed floats", "floats", "uint8"])
+def test_mixed_normals_have_length_one_again(kind):
+    angle = np.linspace(-0.9, 0.9, 64).reshape(8, 8)
+    vectors = np.stack([np.sin(angle), np.zeros((8, 8)), np.cos(angle)], axis=-1)
+    shares = (vectors + 1) / 2
+    plane = {
+        "signed floats": vectors.astype(np.float32),
+        "floats": shares.astype(np.float32),
+        "uint8": np.rint(255 * shares).astype(np.uint8),
+    }[kind]
+    index = np.arange(64, dtype=np.int32).reshape(8, 8)[:4].copy()
+    index[:, 4:] += 24
+    made = render_normals(index, plane, np.ones((8, 8), bool), (False, False), 1)
+    assert (made != plane.reshape(-1, 3)[index]).any(axis=-1).any()
+    seen = made.astype(float) / (255 if kind == "uint8" else 1)
+    seen = seen if kind == "signed floats" else 2 * seen - 1
+    np.testing.assert_allclose(np.linalg.norm(seen, axis=-1), 1, atol=0.01 if kind == "uint8" else 1e-5)
 
 
 def test_reduced_pictures_are_area_means_with_missing_shares():

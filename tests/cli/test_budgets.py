@@ -1,0 +1,126 @@
+"""Small files that ask for much: each is refused at once, in a sentence."""
+
+import warnings
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from toposeam_cli.files.tables import LARGEST_BYTES, read_table
+from toposeam_cli.media.pictures.lens import noted
+
+
+@pytest.fixture
+def pair(tmp_path):
+    rng = np.random.default_rng(1)
+    for name in ("a.png", "b.png"):
+        Image.fromarray(rng.integers(0, 255, (100, 100, 3), np.uint8)).save(tmp_path / name)
+    return tmp_path
+
+
+def project(folder, count, size=(10000, 10000), projection=0, view=60, step=5.0):
+    lines = [f"p f{projection} w{size[0]} h{size[1]} v{view}"]
+    lines += [
+        f'i w100 h100 f0 v50 r0 p0 y{step * number} n"{"ab"[number % 2]}.png"' for number in range(count)
+    ]
+    (folder / "p.pto").write_text("\n".join(lines))
+    return str(folder / "p.pto")
+
+
+def joined(toposeam, folder, *words):
+    return toposeam("stitch", *words, "-o", str(folder / "out.png"))
+
+
+def test_the_limit_of_pictures_is_that_of_the_canvas(toposeam, pair):
+    ran = joined(toposeam, pair, project(pair, 2), "--max-megapixels", "0.05")
+    ran.fails("more than 0.05 megapixels")
+
+
+def test_a_layout_far_apart_is_refused_before_it_is_read(toposeam, pair, monkeypatch):
+    (pair / "far.toml").write_text(
+        '[[layer]]\nfile = "a.png"\nat = [0, 0]\n[[layer]]\nfile = "b.png"\nat = [400, 0]\n'
+    )
+    monkeypatch.setattr(
+        "toposeam_cli.stitching.inputs.read_picture", lambda *_, **__: pytest.fail("was read")
+    )
+    joined(toposeam, pair, str(pair / "far.toml"), "--max-megapixels", "0.04").fails("500 × 100 px")
+
+
+def test_too_many_pairs_are_refused_before_they_are_read(toposeam, pair, monkeypatch):
+    many = project(pair, 1000, (2000, 1000), 2, 360, 0.01)
+    monkeypatch.setattr(
+        "toposeam_cli.stitching.inputs.read_picture", lambda *_, **__: pytest.fail("was read")
+    )
+    joined(toposeam, pair, many).fails("1000 layers overlap in 499500 pairs")
+
+
+@pytest.mark.parametrize("matrix", ["[[1e9, 0, 0], [0, 1e9, 0], [0, 0, 1]]", "[[1e9,0,0],[0,1,0],[0,0,1]]"])
+def test_a_matrix_that_magnifies_beyond_measure(toposeam, pair, matrix):
+    (pair / "m.toml").write_text(
+        f'[[layer]]\nfile = "a.png"\nat = [0, 0]\n[[layer]]\nfile = "b.png"\nmatrix = {matrix}\n'
+    )
+    joined(toposeam, pair, str(pair / "m.toml")).fails("more than 1000 megapixels")
+
+
+def test_a_table_of_points_has_an_end(toposeam, pair):
+    (pair / "p.csv").write_text("a.png,1,2,b.png,3,4\n" * (LARGEST_BYTES // 20 + 1))
+    files = (str(pair / "a.png"), str(pair / "b.png"), "--points", str(pair / "p.csv"))
+    joined(toposeam, pair, *files).fails("larger than 1 MiB")
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["a" + ".a" * 500_000 + " = 1", "[a" + ".a" * 500_000 + "]", "x = {" + '"a" . ' * 100_000 + "a = 1}"],
+)
+def test_keys_of_toml_that_go_deep(tmp_path, text, monkeypatch):
+    (tmp_path / "t.toml").write_text(text)
+    monkeypatch.setattr("tomllib.loads", lambda _text: pytest.fail("was parsed"))
+    with pytest.raises(Exception, match="nested too deep"):
+        read_table(tmp_path / "t.toml", "a layout")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        'file = "a.b.c.d.e.f.g.h.i.j.k.l.m.n.o.p.q.r.s.t.u.v.w.png"',
+        "file = 'a.b.c.d.e.f.g.h.i.j.k.l.m.n.o.p.q.r.s.t.u.v.w.png'",
+        "at = [" + "1.5, " * 100 + "]",
+        "a.b.c.d = 1",
+    ],
+)
+def test_what_people_write_is_not_taken_for_a_deep_key(tmp_path, text):
+    (tmp_path / "t.toml").write_text(text)
+    assert read_table(tmp_path / "t.toml", "a layout")[0]
+
+
+def test_a_large_picture_in_a_small_file_is_not_decoded(toposeam, pair, monkeypatch):
+    Image.fromarray(np.zeros((5000, 5000), np.uint8)).save(pair / "c.jp2")
+    assert (pair / "c.jp2").stat().st_size < 90_000
+    monkeypatch.setattr(
+        "toposeam_cli.media.pictures.pillow_formats._values", lambda _image: pytest.fail("decoded")
+    )
+    joined(toposeam, pair, str(pair / "a.png"), str(pair / "c.jp2"), "--offset", "50,0").fails(
+        "5000 x 5000 pixels, which no photograph needs so few for"
+    )
+
+
+def test_floats_of_64_bits_are_named(toposeam, pair):
+    tifffile = pytest.importorskip("tifffile")
+    tifffile.imwrite(pair / "d.tif", np.zeros((40, 40)))
+    joined(toposeam, pair, str(pair / "a.png"), str(pair / "d.tif"), "--offset", "20,0").fails(
+        "like 64-bit floats; export it again with 32 bits"
+    )
+
+
+def test_a_tag_longer_than_its_file_is_no_warning(tmp_path):
+    exif = Image.Exif()
+    exif[0x010E] = "x" * 40
+    exif.get_ifd(0x8769)[0x920A] = 5.0
+    content = exif.tobytes()
+    spoilt = content.replace((41).to_bytes(4, "big"), (2**30).to_bytes(4, "big"), 1)
+    assert spoilt != content
+    Image.new("RGB", (20, 20)).save(tmp_path / "a.jpg", exif=spoilt)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        noted(tmp_path / "a.jpg")
+    assert not told

@@ -16,7 +16,7 @@ import toposeam as ts
 from toposeam.images import full_scale
 from toposeam.layers.canvas.transforms import CameraTransform, Transform, is_move, similarity
 from toposeam.layers.execution.tasks import Executor, results
-from toposeam.layers.registration.find_places import PlaceOptions, among, found_places
+from toposeam.layers.registration.find_places import PlaceOptions, Places, among, found_places
 from toposeam_cli.app.options import Keyed
 from toposeam_cli.files.regular import check_pattern
 from toposeam_cli.media.pictures.decode import check_together, size_of
@@ -218,12 +218,14 @@ def arrange(
     executor: Executor | None = None,
     stores: bool = False,
     finding: PlaceFinding | None = None,
+    lay: Places | None = None,
 ) -> PlacedPictures:
     """Read pictures, or the layers of one OpenRaster file or layout, and place them.
 
     With `scratch` the pixels of many pictures, or with `stores` of all, are kept there instead of in memory,
     and an executor may decode several pictures at a time. With `alone` a single picture is accepted, and
-    pictures without a given place lie at 0,0. `finding` has the options of finding places.
+    pictures without a given place lie at 0,0. `finding` has the options of finding places. `lay` lays pictures
+    on the canvas by their transforms, if they are not to be warped at full size.
 
     Raises
     ------
@@ -254,7 +256,9 @@ def arrange(
     )
     layers = _masked(named, sources, masks, keeps, limit)
     most = max(max_megapixels, ts.MAX_PIXELS / 1e6)
-    place = partial(placed_layers, scratch=kept, executor=executor, max_megapixels=most)
+    place: Places = lay or partial(
+        placed_layers, scratch=kept, executor=executor, max_megapixels=most
+    )
     placement = None
     other_groups: tuple[tuple[Path, ...], ...] = ()
     if not transforms:

@@ -21,15 +21,17 @@ _ALL = "toposeam.help_all"
 
 
 class HeadedOption(click.Option):
-    """An option that stands under a heading in the full help."""
+    """An option that stands under a heading in the full help; layouts have those that are `kept`."""
 
-    def __init__(self, *names: Any, heading: str = "Output", **settings: Any) -> None:
+    def __init__(self, *names: Any, heading: str = "Output", kept: bool = False, **settings: Any) -> None:
         super().__init__(*names, **settings)
-        self.heading = heading
+        self.heading, self.kept = heading, kept
 
 
 def option(*names: str, heading: str, **settings: Any) -> Callable[[Any], Any]:
-    """Define an option as :func:`click.option` does, with its heading in ``--help-all``."""
+    """Define an option as :func:`click.option` does, with its heading in ``--help-all``, and perhaps
+    ``kept=True``.
+    """
     return click.option(*names, cls=HeadedOption, heading=heading, **settings)
 
 

@@ -369,6 +369,7 @@ PLACEMENT: tuple[Callable[[Any], Any], ...] = (
     option(
         "--avoid",
         heading="Seam",
+        kept=True,
         type=FILE,
         help="Image of the canvas's size; no seam touches its white pixels.",
     ),
@@ -376,6 +377,7 @@ PLACEMENT: tuple[Callable[[Any], Any], ...] = (
         "--cost",
         "law",
         heading="Seam",
+        kept=True,
         type=click.Choice(ts.seam.LAWS),
         help="What a seam avoids: what eyes notice (natural, the default), differences away from edges "
         "(gradient), differences of colour (colour).",
@@ -383,6 +385,7 @@ PLACEMENT: tuple[Callable[[Any], Any], ...] = (
     option(
         "--core",
         heading="Seam",
+        kept=True,
         type=FiniteRange(0, 1, min_open=True),
         help="For pictures inside others: the share of their depth, from the middle outwards, that must "
         "show; 0.5 inside a single one.",
@@ -390,6 +393,7 @@ PLACEMENT: tuple[Callable[[Any], Any], ...] = (
     option(
         "--speck",
         heading="Seam",
+        kept=True,
         type=click.IntRange(min=0),
         help="Pieces inside others need not show if they cannot show so many px; 64, or 0.05 % of a picture.",
     ),

@@ -167,7 +167,7 @@ def _job(entry: Entry, settings: Mapping[str, Any], name: str | None, found: str
             ]
     if not paths[True]:
         raise entry.refuse("it makes no file; give it an output")
-    inputs = [file for path in paths[False] for file in (path, *_named_in(path))]
+    inputs = [file for path in paths[False] for file in (path, *_named_in(path, command))]
     return Job(
         name or _relative(paths[True][0], entry.folder),
         "toposeam_cli.batch.running:run_command",
@@ -179,18 +179,13 @@ def _job(entry: Entry, settings: Mapping[str, Any], name: str | None, found: str
     )
 
 
-def _named_in(path: Path) -> tuple[Path, ...]:
+def _named_in(path: Path, command: click.Command) -> tuple[Path, ...]:
     """Return the files that a layout names."""
     if path.suffix.lower() in (".toml", ".json", ".pto"):
-        from toposeam_cli.media.layouts.any_layout import layout_in
+        from toposeam_cli.stitching.saved_layout import named_files
 
         with suppress(TopoSeamError):  # another kind of file, or its job reports what is wrong with it
-            return tuple(
-                file
-                for layer in layout_in(path).layers
-                for file in (layer.file, layer.mask, layer.keep)
-                if file is not None
-            )
+            return tuple(named_files(path, command))
     return ()
 
 

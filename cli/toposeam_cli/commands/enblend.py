@@ -121,7 +121,7 @@ def enblend(words: tuple[str, ...], **given: Any) -> None:
                     name = mask_name(given["save_masks"], index, file, output)
                     shows = composed.labels(slice(0, frame.height), slice(0, frame.width)) == index
                     write_picture(name, Picture(pixels=shows.astype(np.uint8) * np.uint8(255)), True)
-            write(out, job, rendered, [], files_of_pixels)
+            write(out, job, rendered, {}, files_of_pixels)
     if given["load_masks"] is None:
         for warning in hidden(whole, "mask the others in Hugin where one is to show"):
             click.echo(f"warning: {warning}", err=True)

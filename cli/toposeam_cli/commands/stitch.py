@@ -6,7 +6,7 @@ import dataclasses
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
@@ -17,10 +17,10 @@ from toposeam_cli.app.command import Command
 from toposeam_cli.app.options import FILE, force_option, placement, quiet_option, taken
 from toposeam_cli.app.progress import share_bar
 from toposeam_cli.files.writing import all_or_nothing
-from toposeam_cli.stitching.inputs import PlacedPictures, arrange
+from toposeam_cli.stitching.inputs import LAYOUTS, PlacedPictures, arrange
 from toposeam_cli.stitching.joining import join
 from toposeam_cli.stitching.outputs import Outputs, check_outputs, crop_of, numbered, output_options
-from toposeam_cli.stitching.place_options import FindingOptions, finding_options, with_defaults
+from toposeam_cli.stitching.place_options import FindingOptions, finding_options, kind_of, with_defaults
 from toposeam_cli.stitching.positions import Where, position_options, width_round
 from toposeam_cli.stitching.rendering import render, write
 from toposeam_cli.stitching.report import documents_of, hidden, is_read, line_of_job, misfits, summary_of_job
@@ -34,6 +34,9 @@ from toposeam_cli.stitching.search_options import (
     shared_work,
     strangers,
 )
+
+if TYPE_CHECKING:
+    from toposeam_cli.media.layouts.layout import Layout
 
 
 @click.command(
@@ -79,10 +82,19 @@ def stitch(first: Path, second: Path | None, others: tuple[Path, ...], **given: 
     files = [path for path in (first, second, *others) if path is not None]
     if given["offset"] is not None and len(given["offset"]) == 3:
         return _stitch_clips(files, given)
+    layout = None
+    if len(files) == 1 and files[0].suffix.lower() in LAYOUTS:
+        from toposeam_cli.stitching.saved_layout import taken_layout
+
+        layout = taken_layout(files[0], given)
     where, find, out = taken(Where, given), SeamOptions.taken(given), taken(Outputs, given)
     finding = taken(FindingOptions, given)
     check_outputs(out)
     check_finding(find, out, given["dask"])
+    if out.save_layout is not None:
+        from toposeam_cli.stitching.saved_layout import check_saving
+
+        check_saving(out, files, layout, placed=where != Where() or finding.is_plane)
     if finding.groups:
         _check_groups(given, find)
         check_outputs(numbered(out, 2))
@@ -91,7 +103,7 @@ def stitch(first: Path, second: Path | None, others: tuple[Path, ...], **given: 
         members: Sequence[Path], finding: FindingOptions, out: Outputs
     ) -> tuple[PlacedPictures, dict[str, Any]]:
         with means_of(out.output.parent, members, given["processes"], given["dask"]) as means:
-            return _stitch(members, where, finding, find, out, given, means)
+            return _stitch(members, where, finding, find, out, given, layout, means)
 
     job, result = joined(files, finding, out)
     for number, members in enumerate(job.other_groups if finding.groups else (), 2):
@@ -122,6 +134,7 @@ def _stitch(
     find: SeamOptions,
     out: Outputs,
     given: dict[str, Any],
+    layout: Layout | None,
     means: Means,
 ) -> tuple[PlacedPictures, dict[str, Any]]:
     """Return the pictures and what is reported of them joined; as JSON, it is not printed yet."""
@@ -141,11 +154,12 @@ def _stitch(
         )
     for reason in job.skipped:
         click.echo(f"left out: {reason}", err=True)
-    find, out = with_defaults(find, out, job, finding)
+    kind = kind_of(job, finding)
+    find, out = with_defaults(find, out, kind)
     if not all(isinstance(layer.image, Windows) for layer in job.layers):
         means = dataclasses.replace(means, workers=None)
     _check_pictures(job, find, out)
-    aligned = None
+    unaligned, aligned = job, None
     if find.align:
         radius = {} if find.align_radius is None else {"radius": find.align_radius}
         aligned = ts.layers.align(job.layers, executor=means.workers, **radius)
@@ -157,14 +171,23 @@ def _stitch(
         from toposeam.layers.labelling.posing import check_pairs
 
         check_pairs(job.layers)
-    warnings = [] if out.quiet else strangers(job, find.of_stitch("wrap"), means.workers)
+    documents, warnings = dict[Path, bytes](), list[str]()
+    if layout is not None or out.save_layout is not None:
+        from toposeam_cli.stitching.saved_layout import lost_in_project, painted, saved_layout
+
+        painting = {} if layout is None else painted(layout, job, find)
+        find = find.with_stitch(**painting)
+        if out.save_layout is not None:
+            documents = saved_layout(job, unaligned, out.save_layout, kind, painting)
+            warnings = lost_in_project(job, out.save_layout, painting)
+    warnings = [] if out.quiet else warnings + strangers(job, find.of_stitch("wrap"), means.workers)
     composed = join(job, find, out, files, means)
     warnings += [] if out.quiet else hidden(composed, _remedy_for_hidden(find))
     with all_or_nothing():
         with share_bar("writing", out.quiet or not job.stored) as progress:
             rendered = render(composed, job, out, crop, means.store, progress, means.workers)
         warnings += [] if out.quiet else misfits(job, rendered.at)
-        documents = documents_of(rendered, job, out, means.workers)
+        documents |= documents_of(rendered, job, out, means.workers)
         report: dict[str, Any] = {}
         if out.as_json:
             report = summary_of_job(rendered, job, aligned)

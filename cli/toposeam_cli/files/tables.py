@@ -18,7 +18,7 @@ LARGEST_BYTES = 2**20
 _DEEPEST = 20
 
 
-def read_table(path: Path, what: str) -> tuple[Any, str]:
+def read_table(path: Path, what: str, largest: int = LARGEST_BYTES) -> tuple[Any, str]:
     """Read a file of TOML, or of JSON if it is called ``.json``; return its contents and its text.
 
     Parameters
@@ -26,6 +26,8 @@ def read_table(path: Path, what: str) -> tuple[Any, str]:
     path : Path
     what : str
         The kind of table that is expected, for error texts: "a layout".
+    largest : int
+        Largest size, bytes.
 
     Returns
     -------
@@ -36,7 +38,7 @@ def read_table(path: Path, what: str) -> tuple[Any, str]:
     OptionError
         When there is no such regular file, or it is too large, too deep, not UTF-8 or not TOML (JSON).
     """
-    text = read_text(path, what)
+    text = read_text(path, what, largest)
     kind = "JSON" if path.suffix.lower() == ".json" else "TOML"
     try:
         table = json.loads(text) if kind == "JSON" else tomllib.loads(text)

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 import toposeam as ts
 from toposeam.images import full_scale
-from toposeam.layers.canvas.transforms import CameraTransform, Transform, is_move, similarity
+from toposeam.layers.canvas.transforms import CameraTransform, Transform, is_move, settled, similarity
 from toposeam.layers.execution.tasks import Executor, results
 from toposeam.layers.registration.find_places import PlaceOptions, Places, among, found_places
 from toposeam_cli.app.options import Keyed
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 #: Metadata of a photograph, by EXIF tag.
 _Notes: TypeAlias = Mapping[int, Any]
 
-_LAYOUTS = (".toml", ".json", ".pto")
+LAYOUTS = (".toml", ".json", ".pto")
 #: Largest number of pixels of all pictures together that are kept in memory; with more they are stored in
 #: files.
 STORED_PIXELS = 64_000_000
@@ -52,8 +52,11 @@ class PlacedPictures:
 
     pictures: tuple[Picture, ...]
     layers: tuple[ts.Layer, ...]
-    #: The file of each picture; empty if one file holds them all.
+    #: The file of each picture; empty if one file holds them all. Files of where each may show, and of where
+    #: no other may.
     files: tuple[Path, ...] = ()
+    masks: tuple[Path | None, ...] = ()
+    keeps: tuple[Path | None, ...] = ()
     #: The placement that was found; None if places were given.
     placement: ts.layers.Placement | None = None
     #: Whether the pixels are stored in files.
@@ -247,14 +250,15 @@ def arrange(
     sources, wrap = _sources(files, where, reading, 1 if alone else 2)
     pictures = match_pictures([source.picture for source in sources], keep)
     transforms = _given_places(sources, pictures, where, reading, len(files), alone=alone)
-    notes = [{} if transforms else noted(source.file) for source in sources]
+    notes = [noted(source.file) for source in sources]
     named = PlacedPictures(
         pictures=(),
         layers=tuple(map(_layer, sources, pictures, notes)),
         numbers=tuple(reading.numbers),
         lost=tuple(reading.lost),
     )
-    layers = _masked(named, sources, masks, keeps, limit)
+    sources = _with_masks(named, sources, masks, keeps)
+    layers = _masked(named.layers, sources, limit)
     most = max(max_megapixels, ts.MAX_PIXELS / 1e6)
     place: Places = lay or partial(
         placed_layers, scratch=kept, executor=executor, max_megapixels=most
@@ -289,16 +293,25 @@ def arrange(
         named,
         pictures=tuple(map(_as_placed, pictures, layers)),
         layers=tuple(layers),
-        files=tuple(source.file for source in sources if source.file is not None),
+        **_files_of(sources),
         placement=placement,
         skipped=tuple(reading.reasons),
         numbers=tuple(reading.numbers),
         lost=tuple(reading.lost),
         other_groups=other_groups,
         stored=kept is not None,
-        transforms=tuple(transforms),
+        transforms=tuple(map(settled, transforms)),
         wrap=wrap,
     )
+
+
+def _files_of(sources: Sequence[_Source]) -> dict[str, Any]:
+    """Return the files of pictures and of their masks, as fields of :class:`PlacedPictures`."""
+    return {
+        "files": tuple(source.file for source in sources if source.file is not None),
+        "masks": tuple(source.mask for source in sources),
+        "keeps": tuple(source.keep for source in sources),
+    }
 
 
 def _as_placed(picture: Picture, layer: ts.Layer) -> Picture:
@@ -382,7 +395,7 @@ def has_many_pixels(files: Sequence[Path]) -> bool:
     """Test whether the pictures have too many pixels for memory."""
     if len(files) == 1 and files[0].suffix.lower() == ".ora":
         return False
-    if len(files) == 1 and files[0].suffix.lower() in _LAYOUTS:
+    if len(files) == 1 and files[0].suffix.lower() in LAYOUTS:
         from toposeam_cli.media.layouts.any_layout import layout_in
 
         files = [layer.file for layer in layout_in(files[0]).layers]
@@ -394,32 +407,29 @@ def has_many_pixels(files: Sequence[Path]) -> bool:
     return total > STORED_PIXELS
 
 
-def _masked(
-    named: PlacedPictures,
-    sources: Sequence[_Source],
-    masks: Sequence[Keyed],
-    keeps: Sequence[Keyed],
-    limit: int,
-) -> list[ts.Layer]:
-    """Add to layers the masks where each may show, and where no other may."""
-    layers = named.layers
-    wanted: dict[str, dict[int, Path]] = {"mask": {}, "keep": {}}
+def _with_masks(
+    named: PlacedPictures, sources: Sequence[_Source], masks: Sequence[Keyed], keeps: Sequence[Keyed]
+) -> list[_Source]:
+    """Return sources with the files of masks that the command line gives, before those of their layout."""
+    found = list(sources)
     for kind, keyed in (("mask", masks), ("keep", keeps)):
-        wanted[kind] = {
-            index: path for index, source in enumerate(sources) if (path := getattr(source, kind)) is not None
-        }
         for option in keyed:
             number = named.number(option.key or "")
             if number is not None:
-                wanted[kind][number] = option.path
+                changed: dict[str, Any] = {kind: option.path}
+                found[number] = replace(found[number], **changed)
+    return found
 
-    def white(kind: str, index: int) -> npt.NDArray[np.bool_] | None:
-        path = wanted[kind].get(index)
-        return None if path is None else _white(path, layers[index], limit)
+
+def _masked(layers: Sequence[ts.Layer], sources: Sequence[_Source], limit: int) -> list[ts.Layer]:
+    """Add to layers the masks where each may show, and where no other may."""
+
+    def white(path: Path | None, layer: ts.Layer) -> npt.NDArray[np.bool_] | None:
+        return None if path is None else _white(path, layer, limit)
 
     return [
-        replace(layer, mask=white("mask", index), keep=white("keep", index))
-        for index, layer in enumerate(layers)
+        replace(layer, mask=white(source.mask, layer), keep=white(source.keep, layer))
+        for layer, source in zip(layers, sources, strict=True)
     ]
 
 
@@ -438,7 +448,7 @@ def _sources(
     canvas.
     """
     kind = files[0].suffix.lower()
-    if len(files) == 1 and kind in (".ora", *_LAYOUTS):
+    if len(files) == 1 and kind in (".ora", *LAYOUTS):
         if where.at or where.offset is not None or where.overlap is not None or where.arranged:
             raise ts.OptionError(
                 f"'{files[0]}' says itself where its pictures lie; leave --at, --offset and --overlap out"
@@ -490,7 +500,7 @@ def _sources(
             raise ts.OptionError(
                 f"'{path}' holds layers of its own; give it alone, or export its layers as pictures"
             )
-        if path.suffix.lower() in _LAYOUTS:
+        if path.suffix.lower() in LAYOUTS:
             raise ts.OptionError(f"'{path}' is a layout; give it alone, and name all pictures in it")
     sources = [
         _Source(picture=picture, name=files[number].name, file=files[number])

@@ -69,6 +69,7 @@ def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
         option(
             "--crop",
             heading="Output",
+            kept=True,
             type=click.Choice(["inside", "outside"]),
             help="The largest rectangle without holes, or all of it; inside for formats without "
             "transparency.",
@@ -76,6 +77,7 @@ def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
         option(
             "--fill-edges",
             heading="Output",
+            kept=True,
             type=click.IntRange(1, 1000),
             metavar="PX",
             help="Crop to what lies within PX pixels of the pictures, and fill there what none of them "
@@ -84,19 +86,28 @@ def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
         option(
             "--background",
             heading="Output",
+            kept=True,
             metavar="COLOUR",
             help="Fill holes with a colour, like white or #20304a.",
         ),
-        option("--quality", heading="Output", type=click.IntRange(1, 100), help="Of .jpg; 95 by default."),
+        option(
+            "--quality",
+            heading="Output",
+            kept=True,
+            type=click.IntRange(1, 100),
+            help="Of .jpg; 95 by default.",
+        ),
         option(
             "--compression",
             heading="Output",
+            kept=True,
             type=click.Choice(COMPRESSIONS),
             help="Of .tif; deflate by default.",
         ),
         option(
             "--pyramid",
             heading="Output",
+            kept=True,
             is_flag=True,
             help="Write .tif in tiles and at every size; .dzi always is.",
         ),
@@ -160,6 +171,12 @@ class Outputs:
         return self.output.suffix.lower() not in (".jpg", ".jpeg")
 
 
+def outputs_of(out: Outputs) -> list[Path]:
+    """List the files that are to be written."""
+    values = (getattr(out, field.name) for field in dataclasses.fields(out))
+    return [path for path in values if isinstance(path, Path)]
+
+
 def numbered(out: Outputs, number: int) -> Outputs:
     """Return the same outputs for a group of pictures, with the group's number at the end of their names."""
     paths: dict[str, Any] = {
@@ -196,8 +213,7 @@ def check_outputs(out: Outputs) -> None:
     for path in (out.labels, out.overlay):
         if path is not None:
             check_output(path, out.force)
-    paths = out.output, out.seam, out.labels, out.overlay, out.history, out.save_layout, out.report
-    given = [real_path(path) for path in paths if path is not None]
+    given = list(map(real_path, outputs_of(out)))
     if len(set(given)) < len(given):
         raise ts.OptionError("two outputs have the same name; give each a name of its own")
     if suffix == ".ora" and (out.crop is not None or out.background is not None):
@@ -207,14 +223,26 @@ def check_outputs(out: Outputs) -> None:
         kept["--background"] = out.background is not None
         for name in (name for name, given in kept.items() if given):
             raise ts.OptionError(f"--fill-edges leaves no holes, and {name} keeps them; leave one out")
-    if out.pyramid and suffix not in (".tif", ".tiff"):
+    foreign = foreign_to(suffix)
+    if out.pyramid and "pyramid" in foreign:
         raise ts.OptionError(f"--pyramid is for .tif, not for {suffix}; leave it out, or write .tif or .dzi")
-    if out.quality is not None and suffix not in (".jpg", ".jpeg", ".dzi"):
+    if out.quality is not None and "quality" in foreign:
         raise ts.OptionError(f"--quality is for .jpg, and {suffix} loses nothing; leave it out")
-    if out.compression is not None and suffix not in (".tif", ".tiff"):
+    if out.compression is not None and "compression" in foreign:
         raise ts.OptionError(f"--compression is for .tif, not for {suffix}; leave it out")
     if out.background is not None:
         colour_of(out.background)
+
+
+def foreign_to(suffix: str) -> set[str]:
+    """Return the options of formats that files with this suffix have no use for."""
+    of_formats = {
+        "pyramid": (".tif", ".tiff"),
+        "quality": (".jpg", ".jpeg", ".dzi"),
+        "compression": (".tif", ".tiff"),
+    }
+    whole = {"crop", "background", "fill_edges"} if suffix == ".ora" else set()
+    return whole | {name for name, suffixes in of_formats.items() if suffix not in suffixes}
 
 
 def crop_of(out: Outputs, layers: Sequence[ts.Layer], *, goes_round: bool) -> str:

@@ -102,6 +102,7 @@ def finding_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "--as",
             "kind",
             heading="Finding places",
+            kept=True,
             type=click.Choice(KINDS),
             help="photographs: match shading, blend in bands, crop to what has no holes, the default where "
             "pictures were warped; scans: nothing of it, the default elsewhere and with --exact.",
@@ -127,6 +128,11 @@ class FindingOptions:
     points: Path | None
     groups: bool
     kind: str | None
+
+    @property
+    def is_plane(self) -> bool:
+        """Whether pictures are asked to lie on one plane, as no turning camera takes them."""
+        return self.exact or self.model in ("shift", "similarity", "plane")
 
     def without_names(self, files: Sequence[Path], members: Sequence[Path]) -> FindingOptions:
         """Return the options for a part of the files, without references to others."""
@@ -226,14 +232,17 @@ def _is_similarity(transform: Transform) -> bool:
     return isinstance(transform, PlaneTransform) and not transform.matrix[2, :2].any()
 
 
-def with_defaults(
-    find: SeamOptions, out: Outputs, job: PlacedPictures, finding: FindingOptions
-) -> tuple[SeamOptions, Outputs]:
+def kind_of(job: PlacedPictures, finding: FindingOptions) -> str:
+    """Tell photographs from scans, unless somebody said it."""
+    if finding.kind is not None:
+        return finding.kind
+    found = job.placement is not None and not finding.exact
+    return KINDS[all(map(is_move if found else _is_similarity, job.transforms))]
+
+
+def with_defaults(find: SeamOptions, out: Outputs, kind: str) -> tuple[SeamOptions, Outputs]:
     """Fill in the defaults for photographs or for scans."""
-    photographs = finding.kind == "photographs"
-    if finding.kind is None:
-        found = job.placement is not None and not finding.exact
-        photographs = not all(map(is_move if found else _is_similarity, job.transforms))
+    photographs = kind == "photographs"
     tones, shading = find.of_stitch("match_tones"), find.of_stitch("match_shading")
     if tones is None and shading is None:
         shading = photographs

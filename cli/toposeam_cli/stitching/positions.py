@@ -50,18 +50,21 @@ def position_options(command: Callable[..., Any]) -> Callable[..., Any]:
         option(
             "--align",
             heading="Place",
+            kept=True,
             is_flag=True,
             help="Move the pictures from about where they belong to where they agree.",
         ),
         option(
             "--align-radius",
             heading="Place",
+            kept=True,
             type=click.IntRange(min=1),
             help="With --align: how many px they may be off; 32 by default.",
         ),
         option(
             "--wrap",
             heading="Place",
+            kept=True,
             type=click.IntRange(min=0),
             is_flag=False,
             flag_value=0,

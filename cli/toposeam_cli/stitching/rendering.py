@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -106,7 +106,7 @@ def write(
     out: Outputs,
     job: PlacedPictures,
     rendered: Rendered,
-    documents: Sequence[tuple[Path, bytes]],
+    documents: Mapping[Path, bytes],
     scratch: Scratch | None,
 ) -> None:
     """Write all outputs, or none.
@@ -124,7 +124,7 @@ def write(
         scratch.empty(path for part in values if isinstance(part, Stored) for path in part.paths)
         keep = partial(store, scratch=scratch)
     with all_or_nothing():
-        for path, document in documents:
+        for path, document in documents.items():
             atomic_write(path, document, out.force)
         for path, pixels in drawn:
             write_picture(path, Picture(pixels=cast(np.ndarray, pixels)), out.force, keep=keep)

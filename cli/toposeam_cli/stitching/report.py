@@ -152,25 +152,21 @@ def hidden(composed: ts.layers.Composition, remedy: str) -> list[str]:
 
 def documents_of(
     rendered: Rendered, job: PlacedPictures, out: Outputs, executor: Executor | None
-) -> list[tuple[Path, bytes]]:
-    """Return the documents of a result, with their files: seams, history, places and page."""
-    composed, documents = rendered.composition, list[tuple[Path, bytes]]()
+) -> dict[Path, bytes]:
+    """Return the documents of a result, by their files: seams, history and page."""
+    composed, documents = rendered.composition, dict[Path, bytes]()
     if out.seam is not None:
         one = composed.seams[0] if len(job.layers) == 2 and not job.stored else composed
-        documents.append((out.seam, one.to_svg().encode()))
+        documents[out.seam] = one.to_svg().encode()
     if out.history is not None:
         from toposeam_cli.figures.search import draw_search
 
-        documents.append((out.history, draw_search(composed.seams[0], out.history.suffix)))
-    if out.save_layout is not None:
-        from toposeam_cli.stitching.saved_layout import saved_layout
-
-        documents.append((out.save_layout, saved_layout(job, out.save_layout).encode()))
+        documents[out.history] = draw_search(composed.seams[0], out.history.suffix)
     if out.report is not None:
         from toposeam_cli.stitching.seam_page import seam_page
 
         page = seam_page(out.output.name, job.layers, rendered, correlations(job, executor))
-        documents.append((out.report, page.encode(errors="backslashreplace")))
+        documents[out.report] = page.encode(errors="backslashreplace")
     return documents
 
 

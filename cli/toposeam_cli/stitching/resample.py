@@ -15,7 +15,7 @@ import numpy as np
 import toposeam as ts
 from toposeam.images import full_scale, in_dtype
 from toposeam.layers.canvas.layer import Box
-from toposeam.layers.canvas.transforms import Transform, is_move
+from toposeam.layers.canvas.transforms import Transform, is_move, settled
 from toposeam.layers.canvas.warping import coordinates, inside, on_canvas, warped_box
 from toposeam.layers.execution.tasks import Executor, results
 from toposeam_cli.media.pictures.libvips import channels, evaluate, load_vips, to_vips
@@ -46,6 +46,7 @@ def placed_layers(
     OptionError
         When the canvas would be larger, before any is warped.
     """
+    transforms = list(map(settled, transforms))
     if not all(map(is_move, transforms)):
         ts.layers.common_canvas(list(map(_blank, layers, transforms)), max_megapixels=max_megapixels)
     placed = [_Warp(layer, transform, None) for layer, transform in zip(layers, transforms, strict=True)]

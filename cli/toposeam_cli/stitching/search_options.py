@@ -23,8 +23,9 @@ from toposeam_cli.stitching.outputs import Outputs
 if TYPE_CHECKING:
     from toposeam_cli.files.scratch import Scratch
 
-#: Below this correlation two pictures hardly show the same.
-_STRANGE = 0.1
+#: Below this correlation two pictures hardly show the same. Warped ones may fit to some px only, so that
+#: means of blocks of so many px, and a correlation of these, have to say it, too.
+_STRANGE, _BLOCK, _STRANGE_BLOCKS = 0.1, 8, 0.2
 #: So many pairs of pictures are named in warnings of one kind.
 _SHOWN = 3
 
@@ -52,6 +53,7 @@ def seam_options(command: Callable[..., Any]) -> Callable[..., Any]:
         option(
             "--use-seam",
             heading="Seam",
+            kept=True,
             metavar="[N:M=]FILE",
             type=KeyedFile(needed=False),
             multiple=True,
@@ -60,6 +62,7 @@ def seam_options(command: Callable[..., Any]) -> Callable[..., Any]:
         option(
             "--method",
             heading="Seam",
+            kept=True,
             type=click.Choice(ts.seam.METHODS),
             default="auto",
             show_default=True,
@@ -68,6 +71,7 @@ def seam_options(command: Callable[..., Any]) -> Callable[..., Any]:
         option(
             "--effort",
             heading="Seam",
+            kept=True,
             type=click.Choice(get_args(Effort)),
             help="Of the search for more than two pictures: fast by default up to 12, from there on "
             "best, which "
@@ -76,42 +80,49 @@ def seam_options(command: Callable[..., Any]) -> Callable[..., Any]:
         option(
             "--formulation",
             heading="Seam",
+            kept=True,
             type=click.IntRange(1, 2),
             help="With --method thesis: 1 (default), or 2 (unstable, see the docs).",
         ),
         option(
             "--plain",
             heading="Seam",
+            kept=True,
             is_flag=True,
             help="With --method thesis: its algorithms as they are written, without ours.",
         ),
         option(
             "--match-tones/--no-match-tones",
             heading="Tones and blend",
+            kept=True,
             default=None,
             help="First take exposure steps out: one gain per picture and channel.",
         ),
         option(
             "--match-shading/--no-match-shading",
             heading="Tones and blend",
+            kept=True,
             default=None,
             help="The same, and that lenses darken towards the corners: a smooth gain field per picture.",
         ),
         option(
             "--blend",
             heading="Tones and blend",
+            kept=True,
             type=click.Choice(ts.layers.BLENDS),
             help="What happens across the seams; multiband for photographs, else none.",
         ),
         option(
             "--blend-width",
             heading="Tones and blend",
+            kept=True,
             type=FiniteRange(min=0, min_open=True),
             help="With --blend feather, multiband, gradient: over how many px.",
         ),
         option(
             "--give",
             heading="Seam",
+            kept=True,
             type=click.IntRange(1, MOST_BENT),
             metavar="PX",
             help="Bend the pictures by up to PX pixels until what crosses a seam goes on behind it; for "
@@ -276,8 +287,16 @@ def strangers(job: PlacedPictures, wrap: int | None = None, executor: Executor |
         f"{'' if j < count else ' all the way round'} (correlation {value:.2f}); check where they lie"
         f"{'' if j < count else ' and how wide --wrap is'}"
         for (i, j), value in ts.layers.correlations(layers, executor=executor).items()
-        if value < _STRANGE and i < count
+        if value < _STRANGE and i < count and not _fits_coarsely(job, layers, i, j)
     )
+
+
+def _fits_coarsely(job: PlacedPictures, layers: Sequence[ts.Layer], i: int, j: int) -> bool:
+    """Test whether two layers of which one is warped show the same but for some px."""
+    if not (job.warped(i) or (j < len(job.layers) and job.warped(j))):
+        return False
+    found = ts.layers.correlations([layers[i], layers[j]], block=_BLOCK)
+    return found.get((0, 1), 0.0) >= _STRANGE_BLOCKS
 
 
 def _few(sentences: Iterable[str]) -> list[str]:

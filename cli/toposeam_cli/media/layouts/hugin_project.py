@@ -16,10 +16,9 @@ from pathlib import Path
 
 import toposeam as ts
 from toposeam.layers.canvas.layer import Box
-from toposeam.layers.canvas.transforms import CameraTransform, Projection
+from toposeam.layers.canvas.transforms import CameraTransform, Projection, angles_of, turned_camera
 from toposeam_cli.files.regular import real_path
 from toposeam_cli.files.tables import read_text
-from toposeam_cli.media.layouts.camera_angles import angles_of, turned_camera
 
 #: Largest project that is read, bytes: a quarter of a million control points fit.
 _LARGEST_BYTES = 16 * 2**20

@@ -1,4 +1,4 @@
-"""Layouts: small files that say which pictures lie where.
+"""Layouts: small files that hold a whole work: which pictures lie where, and what was chosen and painted.
 
 ::
 
@@ -35,6 +35,29 @@ A layer may be warped instead: by a homography from its pixels to the canvas, or
     focal = 627.38           # px
     lens = [0.0, -0.014, 0.0]  # a, b, c and d, e of Hugin
     shift = [0.0, 0.0]
+
+What was chosen has the names of the command's options; those that the command line gives win. Strokes are
+painted on a picture, in its own pixels, and later ones win. Labels are the seams as they were seen at a
+smaller size, near which those at full size stay. Layers are counted from 0 in the order of this file, also
+those that are not visible, or called by name::
+
+    [stitch]
+    as = "photographs"
+    blend = "multiband"
+    crop = "outside"
+    avoid = "faces.png"      # files are relative to the layout
+    use-seam = ["0:1=seam.svg"]
+
+    [[stroke]]
+    layer = "one.jpg"        # or 0
+    kind = "show"            # hide: it must not show there; away: no seam runs there
+    radius = 14.0            # px of the picture
+    points = [[812.5, 340.0], [840.0, 352.5]]  # its corners x, y, px from the picture's upper left corner
+
+    [labels]
+    file = "placed.labels.png"  # gray: the number of the layer that shows; white: none
+    at = [-3.0, 0.0]         # where its upper left corner lies on the canvas
+    scale = 4.0              # px of the canvas across one of its own
 """
 
 from __future__ import annotations
@@ -42,9 +65,10 @@ from __future__ import annotations
 import json
 import math
 import os
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, Literal, TypeAlias, cast, get_args
 
 import numpy as np
 
@@ -55,20 +79,27 @@ from toposeam.layers.canvas.transforms import (
     PlaneTransform,
     Projection,
     Transform,
+    angles_of,
+    as_similarity,
     is_move,
+    settled,
     similarity,
+    turned_camera,
 )
 from toposeam_cli.files.regular import real_path
 from toposeam_cli.files.tables import read_table
-from toposeam_cli.media.layouts.camera_angles import angles_of, turned_camera
 
 _KEYS = ("file", "name", "mask", "keep", "visible")
 #: Keys of a layer's transform, of which a layer has one group: a place, a matrix or a camera.
 _PLACE, _MATRIX = ("at", "turn", "scale"), ("matrix",)
 _CAMERA = ("size", "yaw", "pitch", "roll", "focal", "lens", "shift")
 _VIEW = ("projection", "radius", "wrap", "fov")
-#: Most layers of a layout, as of an OpenRaster file.
-_MOST_LAYERS = 1000
+#: What a stroke asks for: its picture shows, does not show, or no seam runs there.
+StrokeKind: TypeAlias = Literal["show", "hide", "away"]
+#: Most layers of a layout, as of an OpenRaster file, and most strokes.
+MOST_LAYERS, _MOST_STROKES = 1000, 10_000
+#: Largest layout that is read, bytes: as many strokes as an hour's painting fit.
+_LARGEST_BYTES = 4 * 2**20
 _FARTHEST_PX = 10**9
 _LARGEST_NUMBER = 1e9
 
@@ -85,12 +116,44 @@ class LayoutLayer:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class LayoutStroke:
+    """What was painted with a round brush on a picture of a layout."""
+
+    #: Its number among the visible layers.
+    layer: int
+    kind: StrokeKind
+    #: px of the picture.
+    radius: float
+    #: Corners x, y of the brush's path, px from the picture's upper left corner.
+    points: tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LayoutLabels:
+    """A picture of which layer showed where at a smaller size."""
+
+    file: Path
+    #: x and y of its upper left corner on the canvas, px.
+    at: tuple[float, float]
+    #: px of the canvas across one of its own.
+    scale: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
-    """Pictures and where they lie."""
+    """A work: pictures, where they lie, what was chosen and what was painted."""
 
     layers: tuple[LayoutLayer, ...]
     #: Width of a canvas that is a whole turn, px; else None.
     wrap: int | None = None
+    #: What was chosen, by the names of the command's options: texts, numbers, booleans and lists of them.
+    #: Files are named from the layout's folder.
+    options: Mapping[str, Any] = field(default_factory=dict)
+    strokes: tuple[LayoutStroke, ...] = ()
+    labels: LayoutLabels | None = None
+    #: The number of each layer among those of the file, which labels have, and how many the file has.
+    numbers: tuple[int, ...] = ()
+    count: int = 0
 
 
 def read_layout(path: Path) -> Layout:
@@ -101,24 +164,37 @@ def read_layout(path: Path) -> Layout:
     OptionError
         If it cannot be read or has an invalid value; the text names the place.
     """
-    table, _ = read_table(path, "a layout")
-    known = {"layer", "view"}
+    table, _ = read_table(path, "a layout", _LARGEST_BYTES)
+    known = {"layer", "view", "stitch", "stroke", "labels"}
     if not isinstance(table, dict) or set(table) - known or not isinstance(table.get("layer"), list):
         surplus = ", ".join(sorted(set(table) - known)) if isinstance(table, dict) else ""
         found = f"it has {surplus}" if surplus else "it has none"
         raise ts.OptionError(
-            f"'{path}' must hold layers, [[layer]], and perhaps [view], but {found}; correct it"
+            f"'{path}' must hold layers, [[layer]], and perhaps [view], [stitch], [[stroke]] and [labels], "
+            f"but {found}; correct it"
         )
-    if len(table["layer"]) > _MOST_LAYERS:
-        raise ts.OptionError(f"'{path}' has {len(table['layer'])} layers; keep to {_MOST_LAYERS} at most")
+    if len(table["layer"]) > MOST_LAYERS:
+        raise ts.OptionError(f"'{path}' has {len(table['layer'])} layers; keep to {MOST_LAYERS} at most")
     view = _view(path, table.get("view"))
     layers = [_layer(path, number, entry, view) for number, entry in enumerate(table["layer"], start=1)]
+    numbers = [number for number, layer in enumerate(layers) if layer is not None]
     visible = [layer for layer in layers if layer is not None]
     names = [layer.name for layer in visible]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         raise ts.OptionError(f"'{path}' has two layers called {twice!r}; give each a name of its own")
-    return Layout(layers=tuple(visible), wrap=view.wrap)
+    options = table.get("stitch", {})
+    if not isinstance(options, dict):
+        raise ts.OptionError(f"'{path}': stitch is {options!r}; write [stitch] and the options below it")
+    return Layout(
+        layers=tuple(visible),
+        wrap=view.wrap,
+        options=options,
+        strokes=_strokes(path, table.get("stroke", []), [_name(entry) for entry in table["layer"]], numbers),
+        labels=_labels(path, table["labels"]) if "labels" in table else None,
+        numbers=tuple(numbers),
+        count=len(layers),
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -191,11 +267,70 @@ def _layer(path: Path, number: int, entry: Any, view: _View) -> LayoutLayer | No
     mask, keep = (folder / entry[key] if key in entry else None for key in ("mask", "keep"))
     return LayoutLayer(
         file=folder / entry["file"],
-        name=entry.get("name", Path(entry["file"]).name),
+        name=_name(entry),
         transform=transform,
         mask=mask,
         keep=keep,
     )
+
+
+def _name(entry: Mapping[str, Any]) -> str:
+    return str(entry.get("name", Path(entry["file"]).name))
+
+
+def _strokes(
+    path: Path, entries: Any, names: Sequence[str], numbers: Sequence[int]
+) -> tuple[LayoutStroke, ...]:
+    """Return the strokes on the visible layers, whose numbers among all, with their names, are given."""
+    if not isinstance(entries, list) or len(entries) > _MOST_STROKES:
+        found = f"{len(entries)} of them" if isinstance(entries, list) else repr(entries)[:80]
+        raise ts.OptionError(
+            f"'{path}': stroke is {found}; write [[stroke]] for each of {_MOST_STROKES} at most"
+        )
+    strokes = [_stroke(f"'{path}', stroke {k}", entry, names) for k, entry in enumerate(entries, start=1)]
+    return tuple(
+        replace(stroke, layer=numbers.index(stroke.layer)) for stroke in strokes if stroke.layer in numbers
+    )
+
+
+def _stroke(where: str, entry: Any, names: Sequence[str]) -> LayoutStroke:
+    """Return a stroke with the number of its layer among all of the file."""
+    known = [each.name for each in fields(LayoutStroke)]
+    if not isinstance(entry, dict) or set(entry) != set(known):
+        raise ts.OptionError(f"{where} is {repr(entry)[:80]}; write {', '.join(known)}, and nothing else")
+    layer = entry["layer"]
+    if isinstance(layer, str) and names.count(layer) == 1:
+        layer = names.index(layer)
+    if isinstance(layer, bool) or not isinstance(layer, int) or not 0 <= layer < len(names):
+        raise ts.OptionError(
+            f"{where}: layer is {layer!r}; write the name of a layer, or its number from 0 to "
+            f"{len(names) - 1}"
+        )
+    if entry["kind"] not in get_args(StrokeKind):
+        raise ts.OptionError(
+            f"{where}: kind is {entry['kind']!r}; write one of {', '.join(get_args(StrokeKind))}"
+        )
+    points = entry["points"]
+    if not isinstance(points, list) or not points:
+        raise ts.OptionError(f"{where}: points is {points!r}; write a list of x, y, as [[812.5, 340.0]]")
+    found = [_numbers(where, {"points": point}, "points", 2) for point in points]
+    return LayoutStroke(
+        layer=layer,
+        kind=entry["kind"],
+        radius=_number(where, entry, "radius", 1.0, 1e-3, 1e6),
+        points=tuple((x, y) for x, y in found),
+    )
+
+
+def _labels(path: Path, entry: Any) -> LayoutLabels:
+    where, known = f"'{path}', labels", [each.name for each in fields(LayoutLabels)]
+    if not isinstance(entry, dict) or set(entry) != set(known):
+        raise ts.OptionError(f"{where} is {repr(entry)[:80]}; write {', '.join(known)}, and nothing else")
+    if not isinstance(entry["file"], str) or not entry["file"].strip():
+        raise ts.OptionError(f"{where}: file is {entry['file']!r}; write a text")
+    left, top = _numbers(where, entry, "at", 2)
+    scale = _number(where, entry, "scale", 1.0, 1.0, 1e4)
+    return LayoutLabels(file=path.parent / entry["file"], at=(left, top), scale=scale)
 
 
 def _similarity(where: str, entry: dict[str, Any], _: _View) -> Transform:
@@ -272,41 +407,70 @@ def _number(where: str, entry: dict[str, Any], key: str, usual: float, low: floa
 
 
 def layout_text(folder: Path, layout: Layout) -> str:
-    """Return a layout in TOML, for :func:`read_layout`; files in or below the folder are named from there.
+    """Return a layout in TOML, for :func:`read_layout`; files are named from the folder.
 
     Raises
     ------
     OptionError
         For names that are not UTF-8, as TOML is.
     """
-    entries = []
+    tables = []
     cameras = [layer.transform for layer in layout.layers if isinstance(layer.transform, CameraTransform)]
     if cameras or layout.wrap is not None:
         radius, projection = (cameras[0].radius, cameras[0].projection) if cameras else (1.0, "sphere")
-        lines = ["[view]", f"projection = {json.dumps(projection)}", f"radius = {radius!r}"]
-        if layout.wrap is not None:
-            lines.append(f"wrap = {layout.wrap}")
-        if cameras and cameras[0].fov is not None:
-            lines.append(f"fov = {cameras[0].fov!r}")
-        entries.append("\n".join(lines))
+        fov = cameras[0].fov if cameras else None
+        view = {"projection": projection, "radius": float(radius), "wrap": layout.wrap, "fov": fov}
+        tables.append(_table("[view]", view))
+    if layout.options:
+        tables.append(_table("[stitch]", layout.options))
+    if (labels := layout.labels) is not None:
+        values = {"file": named_from(folder, labels.file), "at": list(labels.at), "scale": labels.scale}
+        tables.append(_table("[labels]", values))
     for layer in layout.layers:
-        file = os.path.relpath(real_path(layer.file), real_path(folder))
-        if any("\udc80" <= character <= "\udcff" for character in file + layer.name):
-            raise ts.OptionError(f"a layout cannot name '{file}', which is not UTF-8; rename the file")
-        lines = [
-            "[[layer]]",
-            f"file = {json.dumps(Path(file).as_posix(), ensure_ascii=False)}",
-            f"name = {json.dumps(layer.name, ensure_ascii=False)}",
-            *_transform_lines(layer.transform),
-        ]
-        entries.append("\n".join(lines))
-    return "\n\n".join(entries) + "\n"
+        masks = {"mask": layer.mask, "keep": layer.keep}
+        entry = {
+            "file": named_from(folder, layer.file),
+            "name": layer.name,
+            **_transform_entry(layer.transform),
+            **{key: named_from(folder, file) for key, file in masks.items() if file is not None},
+        }
+        tables.append(_table("[[layer]]", entry))
+    for stroke in layout.strokes:
+        entry = {**asdict(stroke), "layer": layout.layers[stroke.layer].name}
+        tables.append(_table("[[stroke]]", entry))
+    return "\n\n".join(tables) + "\n"
 
 
-def _transform_lines(transform: Transform) -> list[str]:
+def named_from(folder: Path, file: Path) -> str:
+    """Name a file from a folder, as a layout does."""
+    return Path(os.path.relpath(real_path(file), real_path(folder))).as_posix()
+
+
+def _table(head: str, values: Mapping[str, Any]) -> str:
+    """Return a table in TOML; values that are None are left out."""
+    lines = (f"{key} = {_value(value)}" for key, value in values.items() if value is not None)
+    return "\n".join([head, *lines])
+
+
+def _value(value: Any) -> str:
+    """Return a value in TOML."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_value, value))}]"
+    if not isinstance(value, str):
+        return repr(value)
+    if any("\ud800" <= character <= "\udfff" for character in value):
+        raise ts.OptionError(f"a layout cannot name '{value}', which is not UTF-8; rename the file")
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _transform_entry(transform: Transform) -> dict[str, Any]:
+    """Return the keys of a layer's transform, which give :func:`settled` of it when they are read."""
+    transform = settled(transform)
     if isinstance(transform, CameraTransform):
-        yaw, pitch, roll = angles_of(transform.rotation)
-        values = {
+        yaw, pitch, roll = (round(angle, 10) + 0.0 for angle in angles_of(transform.rotation))
+        return {
             "size": list(transform.size),
             "yaw": yaw,
             "pitch": pitch,
@@ -315,16 +479,11 @@ def _transform_lines(transform: Transform) -> list[str]:
             "lens": [float(value) for value in transform.lens],
             "shift": [float(value) for value in transform.shift],
         }
-        return [f"{key} = {value!r}" for key, value in values.items()]
     matrix = cast(PlaneTransform, transform).matrix
     if is_move(transform):
-        return [f"at = [{round(matrix[0, 2])}, {round(matrix[1, 2])}]"]
-    if not matrix[2, :2].any() and matrix[0, 0] == matrix[1, 1] and matrix[0, 1] == -matrix[1, 0]:
-        a, b = matrix[:2, 0] / matrix[2, 2]
-        x, y = matrix[:2, 2] / matrix[2, 2]
-        return [
-            f"at = [{x:.3f}, {y:.3f}]",
-            f"turn = {math.degrees(math.atan2(b, a)):.6f}",
-            f"scale = {math.hypot(a, b):.8f}",
-        ]
-    return [f"matrix = {matrix.tolist()!r}"]
+        return {"at": [round(matrix[0, 2]), round(matrix[1, 2])]}
+    if (found := as_similarity(transform)) is not None:
+        x, y, turn, scale = found
+        at = [round(x, 6) + 0.0, round(y, 6) + 0.0]
+        return {"at": at, "turn": round(turn, 10) + 0.0, "scale": round(scale, 12)}
+    return {"matrix": matrix.tolist()}

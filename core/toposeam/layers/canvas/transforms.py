@@ -11,7 +11,7 @@ of its smaller side, a ray that would meet the picture at r meets it at r (a r³
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Literal, Protocol, TypeAlias, get_args
 
@@ -287,6 +287,59 @@ def similarity(at: tuple[float, float], turn: float = 0.0, scale: float = 1.0) -
     if turn == 0 and scale == 1:
         a, b = 1.0, 0.0
     return PlaneTransform(np.array([[a, -b, at[0]], [b, a, at[1]], [0.0, 0.0, 1.0]]))
+
+
+def turned_camera(yaw: float, pitch: float, roll: float) -> Floats:
+    """Return the (3, 3) rotation of a camera turned by degrees to the right, then up, then clockwise."""
+    (cy, cp, cr), (sy, sp, sr) = (
+        [turned(math.radians(angle)) for angle in (yaw, pitch, roll)] for turned in (math.cos, math.sin)
+    )
+    turn = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
+    tilt = np.array([[1, 0, 0], [0, cp, -sp], [0, sp, cp]])
+    spin = np.array([[cr, -sr, 0], [sr, cr, 0], [0, 0, 1]])
+    return np.asarray(turn @ tilt @ spin)
+
+
+def angles_of(rotation: Floats) -> tuple[float, float, float]:
+    """Invert :func:`turned_camera`; straight up or down, the roll is 0."""
+    level = math.hypot(rotation[0, 2], rotation[2, 2])
+    pitch = math.atan2(-rotation[1, 2], level)
+    if level < 1e-9:
+        yaw, roll = math.atan2(-rotation[2, 0], rotation[0, 0]), 0.0
+    else:
+        yaw = math.atan2(rotation[0, 2], rotation[2, 2])
+        roll = math.atan2(rotation[1, 0], rotation[1, 1])
+    return math.degrees(yaw), math.degrees(pitch), math.degrees(roll)
+
+
+def as_similarity(transform: Transform) -> tuple[float, float, float, float] | None:
+    """Return x, y, degrees clockwise and scale of what only turns, scales and moves; else None."""
+    if not isinstance(transform, PlaneTransform):
+        return None
+    matrix = transform.matrix
+    if matrix[2, :2].any() or matrix[0, 0] != matrix[1, 1] or matrix[0, 1] != -matrix[1, 0]:
+        return None
+    (a, b), (x, y) = matrix[:2, 0] / matrix[2, 2], matrix[:2, 2] / matrix[2, 2]
+    return float(x), float(y), math.degrees(math.atan2(b, a)), math.hypot(a, b)
+
+
+def settled(transform: Transform) -> Transform:
+    """Round a transform, by less than 1e-6 px, so that its numbers in a text give it back exactly.
+
+    Examples
+    --------
+    >>> turned = settled(similarity((0.1, 0.2), 1 / 3))
+    >>> np.array_equal(turned.matrix, settled(turned).matrix)
+    True
+    """
+    if isinstance(transform, CameraTransform):
+        angles = (round(angle, 10) + 0.0 for angle in angles_of(transform.rotation))
+        return replace(transform, rotation=turned_camera(*angles))
+    found = None if is_move(transform) else as_similarity(transform)
+    if found is None:
+        return transform
+    x, y, turn, scale = found
+    return similarity((round(x, 6) + 0.0, round(y, 6) + 0.0), round(turn, 10) + 0.0, round(scale, 12))
 
 
 def reach(transform: Transform, size: tuple[int, int]) -> tuple[Floats, Floats] | None:

@@ -139,13 +139,18 @@ def align(layers: Sequence[Layer], *, radius: int = RADIUS, executor: Executor |
     )
 
 
-def correlations(layers: Sequence[Layer], *, executor: Executor | None = None) -> dict[Pair, float]:
+def correlations(
+    layers: Sequence[Layer], *, block: int = 1, executor: Executor | None = None
+) -> dict[Pair, float]:
     """Correlate layers where they overlap, without their slow changes.
 
     Parameters
     ----------
     layers : sequence of Layer
         Placed.
+    block : int
+        Side of the blocks, px, whose means are compared: of larger ones more of the overlap is, and what fits
+        to some px only correlates as well.
     executor : concurrent.futures.Executor, optional
         Where pairs are compared.
 
@@ -164,6 +169,7 @@ def correlations(layers: Sequence[Layer], *, executor: Executor | None = None) -
     """
     layers = check_items("layers", layers, Layer, "a sequence of Layers")
     check_executor(executor)
+    check_whole("block", block, 1)
     pairs = [
         (i, j)
         for i in range(len(layers))
@@ -171,15 +177,16 @@ def correlations(layers: Sequence[Layer], *, executor: Executor | None = None) -
         if np.prod(_middle(_place(layers[i]).shared(_place(layers[j])), _CORRELATED_PIXELS).shape)
         >= _LEAST_PIXELS
     ]
-    items = [(layers[i], layers[j]) for i, j in pairs]
+    items = [(layers[i], layers[j], block) for i, j in pairs]
     found = zip(pairs, results(executor, _correlation, items), strict=True)
     return {pair: value for pair, value in found if value is not None}
 
 
-def _correlation(layers: tuple[Layer, Layer]) -> float | None:
-    """Correlate two layers; None where too little overlaps or both are plain."""
-    box = _middle(_place(layers[0]).shared(_place(layers[1])), _CORRELATED_PIXELS)
-    parts = [_content(layer, _place(layer), box) for layer in layers]
+def _correlation(item: tuple[Layer, Layer, int]) -> float | None:
+    """Correlate two layers in blocks; None where too little overlaps or both are plain."""
+    *layers, block = item
+    box = _middle(_place(layers[0]).shared(_place(layers[1])), _CORRELATED_PIXELS * block**2)
+    parts = [_content(layer, _place(layer), box, block) for layer in layers]
     both = parts[0][1] & parts[1][1]
     one, other = (part[0][both] for part in parts)
     energy = float((one @ one) * (other @ other))

@@ -16,7 +16,9 @@ from toposeam_cli.files.writing import PICTURE_SUFFIXES, check_output
 @click.command(cls=Command)
 @click.argument("pictures", metavar="[PICTURE]...", type=FILE, nargs=-1)
 @click.option("-o", "--output", type=OUTPUT, help="Where Save writes; by default the browser downloads it.")
-@click.option("--port", type=click.IntRange(0, 65535), default=0, help="Of the address; any free one by default.")
+@click.option(
+    "--port", type=click.IntRange(0, 65535), default=0, help="Of the address; any that is free by default."
+)
 @click.option("--no-browser", is_flag=True, help="Print the address and wait; open it yourself.")
 @force_option
 def edit(pictures: tuple[Path, ...], output: Path | None, port: int, no_browser: bool, force: bool) -> None:

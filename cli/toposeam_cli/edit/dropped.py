@@ -92,7 +92,9 @@ class Dropped:
             parent = works_folder()
             parent.mkdir(parents=True, exist_ok=True, mode=0o700)
             tidy_once(parent)
-            self._folder = self._open.enter_context(claimed_folder(temporary_beside(parent / "dropped"), 0o700))
+            self._folder = self._open.enter_context(
+                claimed_folder(temporary_beside(parent / "dropped"), 0o700)
+            )
         return self._folder
 
 

@@ -1,4 +1,4 @@
-"""Who may talk to the server: pages that it gave out itself, on this machine, by the address with the token."""
+"""Who may talk to the server: its own pages, on this machine, by the address with the token."""
 
 from __future__ import annotations
 

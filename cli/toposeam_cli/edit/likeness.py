@@ -27,7 +27,7 @@ _NONE = 255
 
 
 @dataclass(slots=True)
-class Place:
+class SeamPlace:
     """One of the worst places along the seams."""
 
     x: float
@@ -71,7 +71,7 @@ class LikenessMap:
         self.squares[squares.slices] = np.where(count > 0, np.rint(254 * likeness), _NONE)
         return squares
 
-    def worst(self, known: list[Place]) -> list[Place]:
+    def worst(self, known: list[SeamPlace]) -> list[SeamPlace]:
         """Return the places that were listed, with their likeness now, and new ones that are bad."""
         count, x, y = self._sums
         like = scipy.ndimage.uniform_filter(np.where(count > 0, self.squares / 254.0, 0) * count, 2)
@@ -79,17 +79,17 @@ class LikenessMap:
         rows, columns = np.nonzero(count >= 4)
         likeness = like[rows, columns]
         at = np.stack([x[rows, columns], y[rows, columns]], axis=1) / count[rows, columns][:, np.newaxis]
-        places: list[Place] = []
+        places: list[SeamPlace] = []
         for place in known:
             near = np.linalg.norm(at - (place.x, place.y), axis=1) < _NEARBY_PX
-            places.append(Place(place.x, place.y, float(likeness[near].min()) if near.any() else 1.0))
+            places.append(SeamPlace(place.x, place.y, float(likeness[near].min()) if near.any() else 1.0))
         for k in np.argsort(likeness):
             if likeness[k] >= BAD or sum(not place.done for place in places) >= _MOST_PLACES:
                 break
             if all(_apart(at[k], place) for place in places):
-                places.append(Place(float(at[k, 0]), float(at[k, 1]), float(likeness[k])))
+                places.append(SeamPlace(float(at[k, 0]), float(at[k, 1]), float(likeness[k])))
         return places[-2 * _MOST_PLACES :]
 
 
-def _apart(at: Floats, place: Place) -> bool:
+def _apart(at: Floats, place: SeamPlace) -> bool:
     return bool(np.hypot(at[0] - place.x, at[1] - place.y) > _APART_PX)

@@ -51,7 +51,7 @@ class ReducedTransform:
 
 
 @dataclass(slots=True)
-class Preview:
+class ReducedPictures:
     """Lays pictures on a reduced canvas; to be passed to :func:`toposeam_cli.stitching.inputs.arrange`."""
 
     pixels: int = PREVIEW_PIXELS
@@ -95,7 +95,7 @@ def _extent(layers: Sequence[ts.Layer], transforms: Sequence[Transform]) -> Floa
         height, width = layer.image.shape[:2]
         if is_move(transform):
             first = transform.to_canvas(np.zeros((1, 2)))[0]
-            reached: Any = first, first + (width - 1, height - 1)
+            reached: Any = first, first + np.array([width - 1, height - 1])
         else:
             reached = reach(transform, (width, height))
         if reached is not None:
@@ -111,7 +111,7 @@ def _reduced(layer: ts.Layer, scale: float) -> ts.Layer:
     image = _resized(to_depth(np.asarray(layer.image), eight), size)
     rows = np.minimum((np.arange(size[1]) + 0.5) * height / size[1], height - 1).astype(np.intp)
     columns = np.minimum((np.arange(size[0]) + 0.5) * width / size[0], width - 1).astype(np.intp)
-    masks = {
+    masks: dict[str, Any] = {
         name: None if mask is None else np.asarray(mask)[np.ix_(rows, columns)]
         for name in ("mask", "keep")
         if (mask := getattr(layer, name)) is not None

@@ -58,7 +58,9 @@ class Mirror:
         if kind == "print":
             self.prints.append(packed(kind, head, blocks))
         elif kind == "state":
-            for name, own, block in zip(("box", "squares"), (self._labels, self._squares), blocks, strict=True):
+            for name, own, block in zip(
+                ("box", "squares"), (self._labels, self._squares), blocks, strict=True
+            ):
                 top, left, bottom, right = head[name]
                 part = np.frombuffer(block, np.uint8).reshape(bottom - top, right - left)
                 own[top:bottom, left:right] = part
@@ -224,11 +226,12 @@ class Hub:
 
     def _save(self, suffix: str) -> None:
         """Begin to write the picture at full size, unless that runs already."""
-        if self._saving is not None or not self.work.files:
+        if self._saving is not None or not self.work.layout.exists():
             return
         self._target = self.output or self.work.folder / f"joined.{suffix}"
-        sources = [self.work.layout] if self.work.layout.exists() else self.work.files
-        words = [*map(str, sources), "--force"]
+        words = [str(self.work.layout), "--force"]
+        if self.output is not None:
+            words += ["--save-layout", str(self.output.with_suffix(".toml"))]
         self._saving = Worker(saving.run, (words, self._target), self._saved)
 
     def _saved(self, event: Any) -> None:
@@ -377,5 +380,3 @@ def serve(work: Work, output: Path | None, port: int, opened: Callable[[str], No
             await task
 
         asyncio.run(run())
-
-

@@ -1,50 +1,28 @@
-"""A session: placed pictures, the strokes on them, and the label map that follows. It knows nothing of the web."""
+"""A session: placed pictures, strokes, and the label map that follows. It knows nothing of the web."""
 
 from __future__ import annotations
 
 import dataclasses
 import zlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import scipy
 
 import toposeam as ts
 from toposeam.arrays import Floats, Labels, Mask
 from toposeam.layers.canvas.layer import Box
-from toposeam.layers.canvas.transforms import Transform
-from toposeam_cli.app.options import taken
-from toposeam_cli.app.registry import load
-from toposeam_cli.edit.likeness import LikenessMap, Place
-from toposeam_cli.edit.preview import Preview
-from toposeam_cli.edit.strokes import CanvasTransform, discs_of, on_canvas, on_picture, without
+from toposeam_cli.edit.likeness import LikenessMap, SeamPlace
+from toposeam_cli.edit.opening import open_work
+from toposeam_cli.edit.strokes import on_canvas, on_picture, without
+from toposeam_cli.edit.things import strokes_of_thing
 from toposeam_cli.edit.warm import Stroke, apply_strokes, recut
 from toposeam_cli.edit.work import Work
-from toposeam_cli.files.writing import atomic_write
-from toposeam_cli.media.layouts.layout import Layout, LayoutLayer, layout_text
-from toposeam_cli.stitching.inputs import PlacedPictures, arrange
-from toposeam_cli.stitching.joining import join
-from toposeam_cli.stitching.outputs import Outputs
-from toposeam_cli.stitching.place_options import FindingOptions, with_defaults
-from toposeam_cli.stitching.positions import Where
-from toposeam_cli.stitching.search_options import Means, SeamOptions, strangers
+from toposeam_cli.media.layouts.layout import LayoutStroke
 
-#: Most pictures that the page shows: each is a texture.
-MOST_PICTURES = 100
-#: The box round a tap in which a thing that differs is looked for: its half side, and how far from the tap it
-#: may begin, px of the preview.
-_AROUND_TAP, _NEAR_TAP = 300, 24
-#: Mean cost of an interface from which on two pictures differ there, as for a likeness of one half.
-_DIFFERENT = 18.0
-#: A thing is taken with so many px round it, and is at most this share of the box.
-_RIM_PX, _LARGEST_THING = 4, 0.3
 #: Radius of the stroke that sends a seam elsewhere, px of the preview.
 _OTHER_WAY_PX = 22.0
-#: Settings that change where pictures lie; the others change how they are joined.
-PLACING = ("model", "projection", "level")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,26 +47,10 @@ class _State:
     labels: bytes
 
 
-@dataclass(eq=False)
 class Session:
     """Placed pictures and the strokes on them."""
 
-    work: Work
-    job: PlacedPictures
-    joined: ts.layers.Composition
-    transforms: tuple[Transform, ...]
-    scale: float
-    warnings: list[str]
-    #: Whether pictures are blended across the seams.
-    blends: bool
-    labels: Labels
-    gestures: list[list[Stroke]] = field(default_factory=list)
-    places: list[Place] = field(default_factory=list)
-    _past: list[_State] = field(default_factory=list)
-    _future: list[_State] = field(default_factory=list)
-
-    @classmethod
-    def open(cls, work: Work, progress: Callable[[float], None] | None = None) -> Session:
+    def __init__(self, work: Work, progress: Callable[[float], None] | None = None) -> None:
         """Place the pictures of a work, find their seams, and repeat its strokes.
 
         Raises
@@ -96,58 +58,28 @@ class Session:
         TopoSeamError
             If they cannot be placed or joined.
         """
-        sources = [work.layout] if work.layout.exists() else work.files
-        given = _given(sources, work.settings)
-        find = SeamOptions.taken(given)
-        where, out, finding = taken(Where, given), taken(Outputs, given), taken(FindingOptions, given)
-        preview = Preview()
-        job = arrange(
-            sources,
-            where,
-            masks=given["masks"],
-            keeps=given["keeps"],
-            max_megapixels=find.of_stitch("max_megapixels"),
-            progress=progress,
-            finding=finding.of(sources),
-            lay=preview,
-        )
-        _check_count(len(job.layers))
-        find, out = with_defaults(find, out, job, finding)
-        wrap = job.wrap
-        if wrap is not None:
-            find = find.with_stitch(wrap=round(wrap * preview.scale))
-        warnings = list(job.skipped) + (strangers(job) if job.placement is not None else [])
-        joined = join(job, find, out, sources, Means(None, None, False))
-        transforms = tuple(CanvasTransform(one, joined.canvas.origin) for one in preview.transforms)
-        session = cls(
-            work=work,
-            job=job,
-            joined=joined,
-            transforms=transforms,
-            scale=preview.scale,
-            warnings=warnings,
-            blends=find.of_stitch("blend") != "none",
-            labels=np.array(joined.label_map),
-        )
-        session._write_places()
-        session._resume()
-        return session
-
-    def __post_init__(self) -> None:
+        self.work, self.opened = work, open_work(work, progress)
+        self.labels: Labels = np.array(self.opened.joined.label_map)
+        self.gestures: list[list[Stroke]] = []
+        self.places: list[SeamPlace] = []
         self._first = self.labels.copy()
         self._shown = np.full_like(self.labels, -2)
         self._likeness = LikenessMap(self.labels.shape)
-        self._labelling = self.joined.labelling
+        self._labelling = self.opened.joined.labelling
+        self._past: list[_State] = []
+        self._future: list[_State] = []
+        self._resume()
+        self._write()
 
     @property
     def shape(self) -> tuple[int, int]:
         """Height and width of the preview, px."""
-        return self.joined.canvas.shape
+        return self.opened.joined.canvas.shape
 
     @property
     def layers(self) -> Sequence[ts.Layer]:
         """The pictures as they lie on the preview, with their tones matched."""
-        return self.joined.canvas.cut_open().layers
+        return self.opened.joined.canvas.cut_open().layers
 
     @property
     def can(self) -> dict[str, int]:
@@ -156,16 +88,17 @@ class Session:
 
     def scene(self) -> dict[str, Any]:
         """Return what a page has to know besides the pixels."""
-        canvas = self.joined.canvas.cut_open()
-        model = None if self.job.placement is None else self.job.placement.model
+        canvas = self.opened.joined.canvas.cut_open()
+        model = None if self.opened.job.placement is None else self.opened.job.placement.model
         return {
             "shape": list(self.shape),
-            "round": self.joined.canvas.period is not None,
-            "scale": self.scale,
+            "round": self.opened.joined.canvas.period is not None,
+            "scale": self.opened.scale,
             "model": model,
-            "blends": self.blends,
+            "placed": self.work.is_placed,
+            "blends": self.opened.blends,
             "settings": self.work.settings,
-            "warnings": self.warnings,
+            "warnings": list(self.opened.warnings),
             "layers": [
                 {"name": layer.name, "box": [place.left, place.top, place.shape[1], place.shape[0]]}
                 for layer, place in zip(canvas.layers, canvas.places, strict=True)
@@ -215,8 +148,7 @@ class Session:
     def settle(self) -> Change:
         """Search the whole label map again after a gesture that was kept."""
         self.labels, lost = self._solved(self._strokes(), whole=True)
-        self.work.folder.mkdir(parents=True, exist_ok=True)
-        atomic_write(self.work.labels, zlib.compress(self.labels.tobytes(), 1), force=True)
+        self._write()
         return self._change(self.labels, lost=lost)
 
     def undo(self) -> Change:
@@ -228,46 +160,8 @@ class Session:
         return self._step(self._future, self._past)
 
     def thing_at(self, x: float, y: float, layer: int) -> list[dict[str, Any]]:
-        """Return strokes that take all of what differs at a point from a picture that does not show there.
-
-        Parameters
-        ----------
-        x, y : float
-            A point of the canvas, px.
-        layer : int
-            The picture to take it from.
-
-        Returns
-        -------
-        list of dict
-            Strokes for :meth:`paint`; none if both pictures show the same there.
-        """
-        row, column = int(y), int(x)
-        box = Box(row, column, row + 1, column + 1).grown(_AROUND_TAP).shared(self._labelling.canvas)
-        shows = int(self.labels[row, column])
-        cost = self._labelling.costs.get((min(shows, layer), max(shows, layer)))
-        if shows < 0 or shows == layer or cost is None:
-            return []
-        right, down = cost.on(box)
-        differs = np.zeros(box.shape, np.float32)
-        differs[:, :-1] += right
-        differs[:, 1:] += right
-        differs[:-1] += down
-        differs[1:] += down
-        differs = scipy.ndimage.gaussian_filter(differs / 4, 2.0)
-        differs[~cost.shared(box)] = 0
-        thing = _blob(differs, (row - box.top, column - box.left))
-        if thing is None:
-            return []
-        return [
-            {
-                "kind": "show",
-                "layer": layer,
-                "radius": radius + _RIM_PX / 2,
-                "points": [[x + box.left, y + box.top]],
-            }
-            for x, y, radius in discs_of(thing)
-        ]
+        """Return strokes that take all of what differs at a point from another picture, or none."""
+        return strokes_of_thing(self._labelling, self.labels, (x, y), layer)
 
     def other_way(self, x: float, y: float) -> list[dict[str, Any]]:
         """Return a stroke that keeps seams away from a place, for :meth:`paint`."""
@@ -275,15 +169,15 @@ class Session:
         stroke = {"kind": "away", "layer": max(layer, 0), "radius": _OTHER_WAY_PX, "points": [[x, y]]}
         return [stroke]
 
-    def worst(self) -> list[Place]:
+    def worst(self) -> list[SeamPlace]:
         """Return the worst places along the seams, and those that were and are no longer."""
         self.places = self._likeness.worst(self.places)
         return self.places
 
     def blended(self, box: Box) -> np.ndarray:
         """Return the pixels of a box of the canvas as they are joined."""
-        solution = dataclasses.replace(self.joined.solution, labels=self.labels)
-        shown = dataclasses.replace(self.joined, solution=solution)
+        solution = dataclasses.replace(self.opened.joined.solution, labels=self.labels)
+        shown = dataclasses.replace(self.opened.joined, solution=solution)
         if shown.blending.needs_potential:
             from toposeam.layers.blending.blend import blending_of
 
@@ -294,7 +188,7 @@ class Session:
         """Return the strokes as they lie on the canvas, to be drawn."""
         found = []
         for stroke in self._strokes():
-            points, radius = on_canvas(stroke, self.transforms[stroke.layer])
+            points, radius = on_canvas(stroke, self.opened.transforms[stroke.layer])
             if len(points):
                 found.append(
                     {
@@ -312,11 +206,13 @@ class Session:
     def _stroke(self, stroke: Mapping[str, Any]) -> Stroke | None:
         layer = int(stroke["layer"])
         points = np.array(stroke["points"], float)
-        return on_picture(points, float(stroke["radius"]), layer, self.transforms[layer], stroke["kind"])
+        return on_picture(
+            points, float(stroke["radius"]), layer, self.opened.transforms[layer], stroke["kind"]
+        )
 
     def _rubbed(self, stroke: Stroke, points: Floats, radius: float) -> Mask:
         """(n,) bool: which points of a stroke lie under a stroke of the canvas."""
-        own, width = on_canvas(stroke, self.transforms[stroke.layer])
+        own, width = on_canvas(stroke, self.opened.transforms[stroke.layer])
         if len(own) != len(stroke.points):
             return np.zeros(len(stroke.points), bool)
         distance = np.linalg.norm(own[:, np.newaxis] - points[np.newaxis], axis=2).min(axis=1)
@@ -335,12 +231,11 @@ class Session:
             self.gestures = state.gestures
             self.labels = _unpacked(state.labels, self.shape)
             self._save()
-            atomic_write(self.work.labels, state.labels, force=True)
         return self._change(self.labels)
 
     def _solved(self, strokes: Sequence[Stroke], *, whole: bool) -> tuple[Labels, bool]:
-        problem, lost = apply_strokes(self._labelling, strokes, self.transforms)
-        shows = dataclasses.replace(self.joined.solution, labels=self.labels)
+        problem, lost = apply_strokes(self._labelling, strokes, self.opened.transforms)
+        shows = dataclasses.replace(self.opened.joined.solution, labels=self.labels)
         found = recut(problem, shows, whole=whole)
         return np.asarray(found.labels), len(strokes) - 1 in lost
 
@@ -365,83 +260,29 @@ class Session:
     def _save(self) -> None:
         self.work.gestures = [[_plain(stroke) for stroke in gesture] for gesture in self.gestures]
         self.work.save()
+        self._write()
+
+    def _write(self) -> None:
+        """Write the layout of the work, which ``toposeam stitch`` joins at full size."""
+        strokes = [LayoutStroke(**_plain(stroke)) for stroke in self._strokes()]
+        self.opened.write(self.work.layout, strokes, self.labels)
 
     def _resume(self) -> None:
-        """Repeat the strokes of the work; the label map is read where it was written."""
-        known = [
-            [_of_plain(one) for one in gesture if 0 <= one["layer"] < len(self.job.layers)]
-            for gesture in self.work.gestures
-        ]
-        self.gestures = [gesture for gesture in known if gesture]
+        """Repeat the strokes of the work, or else of its layout, from the labels that the layout shows."""
+        layout, known = self.opened.layout, self.work.gestures
+        if not known and layout is not None:
+            known = [[dataclasses.asdict(one)] for one in layout.strokes]
+        count = len(self.layers)
+        there = ([_of_plain(one) for one in gesture if one["layer"] < count] for gesture in known)
+        self.gestures = [gesture for gesture in there if gesture]
         if not self.gestures:
             return
-        blank = zlib.compress(self._first.tobytes(), 1)
+        blank = zlib.compress(self.labels.tobytes(), 1)
         self._past = [_State(self.gestures[:k], blank) for k in range(len(self.gestures))]
-        try:
-            self.labels = _unpacked(self.work.labels.read_bytes(), self.shape)
-        except (OSError, ValueError, zlib.error):
-            self.settle()
-            self._shown = np.full_like(self.labels, -2)
-
-    def _write_places(self) -> None:
-        """Write where the pictures lie, so that they need not be placed again."""
-        if self.work.layout.exists() or len(self.job.files) != len(self.job.layers) or self.job.placement is None:
-            return
-        layers = [
-            LayoutLayer(file=file, name=layer.name, transform=transform)
-            for file, layer, transform in zip(
-                self.job.files, self.job.layers, self.job.transforms, strict=True
-            )
-        ]
-        self.work.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-        text = layout_text(self.work.folder, Layout(layers=tuple(layers), wrap=self.job.wrap))
-        atomic_write(self.work.layout, text, force=True)
-
-
-def _given(sources: Sequence[Path], settings: Mapping[str, str]) -> dict[str, Any]:
-    """Return the options of ``toposeam stitch`` for some pictures."""
-    command = load("stitch")
-    words = [word for name, value in settings.items() for word in words_of(name, value)]
-    context = command.make_context("stitch", [*map(str, sources), "-o", "joined.png", *words])
-    return dict(context.params)
-
-
-def words_of(name: str, value: str) -> list[str]:
-    """Return an option of ``toposeam stitch`` as it is written."""
-    if name == "level":
-        return [] if value == "yes" else ["--no-level"]
-    if name == "tones":
-        return {"none": ["--as", "scans"], "shading": ["--match-shading"], "gains": ["--match-tones"]}[value]
-    return [f"--{name}", value]
-
-
-def _check_count(count: int) -> None:
-    if count > MOST_PICTURES:
-        raise ts.OptionError(
-            f"{count} pictures are more than the page shows, which is {MOST_PICTURES}; join them by toposeam "
-            "stitch, or open fewer"
-        )
-
-
-def _blob(differs: np.ndarray, at: tuple[int, int]) -> Mask | None:
-    """Find what differs at a point, or the nearest such thing; None if nothing does nearby."""
-    rows, columns = np.indices(differs.shape, sparse=True)
-    near = (rows - at[0]) ** 2 + (columns - at[1]) ** 2 <= _NEAR_TAP**2
-    least = _DIFFERENT
-    while True:
-        mask = differs > least
-        piece, _ = scipy.ndimage.label(scipy.ndimage.binary_closing(np.pad(mask, 8), iterations=4)[8:-8, 8:-8])
-        there = near & (piece > 0)
-        if not there.any():
-            return None
-        ys, xs = np.nonzero(there)
-        first = int(np.argmin((ys - at[0]) ** 2 + (xs - at[1]) ** 2))
-        thing = piece == piece[ys[first], xs[first]]
-        if np.count_nonzero(thing) <= _LARGEST_THING * thing.size:
-            break
-        least *= 1.6
-    grown = scipy.ndimage.binary_dilation(scipy.ndimage.binary_fill_holes(thing), iterations=_RIM_PX)
-    return np.asarray(grown)
+        seen = self.opened.labels()
+        if seen is not None:
+            self.labels = seen
+        self.labels, _ = self._solved(self._strokes(), whole=seen is None)
 
 
 def _packed(labels: Labels) -> bytes:
@@ -454,11 +295,11 @@ def _unpacked(data: bytes, shape: tuple[int, int]) -> Labels:
 
 
 def _plain(stroke: Stroke) -> dict[str, Any]:
-    points = np.round(np.asarray(stroke.points, float), 2).tolist()
+    points = [(x, y) for x, y in np.round(np.asarray(stroke.points, float), 2).tolist()]
     return {
         "kind": stroke.kind,
         "layer": stroke.layer,
-        "radius": round(float(stroke.radius), 2),
+        "radius": max(round(float(stroke.radius), 2), 0.01),
         "points": points,
     }
 

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-import toposeam as ts
 from toposeam.layers.canvas.layer import Box
 from toposeam.sentence import sentence
+from toposeam_cli.edit.opening import PLACING, check_count
 from toposeam_cli.edit.preview import encoded, jpeg, small_print
-from toposeam_cli.edit.session import MOST_PICTURES, PLACING, Change, Session
+from toposeam_cli.edit.session import Change, Session
 from toposeam_cli.edit.work import Work
 
 _LAYOUTS = (".toml", ".json", ".pto")
@@ -65,7 +65,7 @@ class _Solver:
         gc.collect()
         try:
             self._prints()
-            self._session = session = Session.open(
+            self._session = session = Session(
                 self._work, lambda share: self._say("placing", {"share": round(share, 3)})
             )
             pictures = [encoded(layer) for layer in session.layers]
@@ -81,11 +81,7 @@ class _Solver:
             from toposeam_cli.media.layouts.any_layout import layout_in
 
             files = [layer.file for layer in layout_in(files[0]).layers]
-        if len(files) > MOST_PICTURES:
-            raise ts.OptionError(
-                f"{len(files)} pictures are more than the page shows, which is {MOST_PICTURES}; join them by "
-                "toposeam stitch, or open fewer"
-            )
+        check_count(len(files))
         self._say("prints", {"names": [path.name for path in files]})
         for number, path in enumerate(files):
             found = small_print(path)
@@ -149,8 +145,6 @@ class _Solver:
         self._work.settings = chosen
         if before != {name: chosen.get(name) for name in PLACING}:
             self._work.forget_places()
-        else:
-            self._work.labels.unlink(missing_ok=True)
         self._work.save()
         self._open()
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from toposeam_cli.edit.warm import Stroke
 from toposeam.arrays import Floats, Mask
 from toposeam.layers.canvas.transforms import NOWHERE, Transform
+from toposeam_cli.edit.warm import Stroke
 
 #: Points that are farther away than this were not seen by the picture, px.
 _FAR = abs(NOWHERE) / 10

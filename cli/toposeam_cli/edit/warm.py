@@ -27,9 +27,10 @@ class Stroke:
 
 
 def _raster(stroke: Stroke, transform: Transform, shape: tuple[int, int]) -> Mask:
-    from toposeam_cli.edit.strokes import on_canvas
-
-    points, radius = on_canvas(stroke, transform)
+    centres = stroke.points - 0.5
+    points = transform.to_canvas(centres) + 0.5
+    aside = transform.to_canvas(centres + np.array([stroke.radius, 0])) + 0.5
+    radius = float(np.median(np.linalg.norm(aside - points, axis=1)))
     picture = Image.new("1", (shape[1], shape[0]))
     draw = ImageDraw.Draw(picture)
     if len(points) > 1:
@@ -42,6 +43,7 @@ def _raster(stroke: Stroke, transform: Transform, shape: tuple[int, int]) -> Mas
 def apply_strokes(
     labelling: ts.layers.Labelling, strokes: Sequence[Stroke], transforms: Sequence[Transform]
 ) -> tuple[ts.layers.Labelling, tuple[int, ...]]:
+    """Return a problem in which strokes hold, and the numbers of those without pixels."""
     shape, count = labelling.canvas.shape, len(labelling.places)
     allowed = [labelling.allowed_in(k, labelling.canvas) for k in range(count)]
     first = [mask.copy() for mask in allowed]
@@ -64,7 +66,9 @@ def apply_strokes(
                 if k != stroke.layer:
                     allowed[k][here] |= first[k][here]
             allowed[stroke.layer][here] = False
-    parts = [cut(mask, labelling.canvas, place) for mask, place in zip(allowed, labelling.places, strict=True)]
+    parts = [
+        cut(mask, labelling.canvas, place) for mask, place in zip(allowed, labelling.places, strict=True)
+    ]
     return dataclasses.replace(labelling, allowed=parts), tuple(lost)
 
 
@@ -75,6 +79,7 @@ def recut(
     *,
     whole: bool = False,
 ) -> ts.layers.LabelMap:
+    """Search a part again, or all."""
     shape, labels = labelling.canvas.shape, np.asarray(label_map.labels)
     wrong = np.zeros(shape, bool)
     for k in range(len(labelling.places)):
@@ -93,9 +98,11 @@ def recut(
 
 
 def interfaces(labelling: ts.layers.Labelling, labels: Labels, box: Box) -> tuple[Any, ...]:
+    """Return the interfaces of seams in a box, with their costs."""
     part = labels[box.slices]
     found = []
-    for axis, (p, q) in enumerate(((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:]))):
+    ways: Any = ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:]))
+    for axis, (p, q) in enumerate(ways):
         a, b = part[p], part[q]
         rows, columns = np.nonzero((a != b) & (a >= 0) & (b >= 0))
         i, j = np.minimum(a[rows, columns], b[rows, columns]), np.maximum(a[rows, columns], b[rows, columns])
@@ -106,6 +113,8 @@ def interfaces(labelling: ts.layers.Labelling, labels: Labels, box: Box) -> tupl
                 beside = np.zeros(box.shape, bool)
                 beside[rows[at], columns[at]] = True
                 cost[at] = own.on(box, beside)[axis][rows[at], columns[at]]
-        found.append((columns + box.left, rows + box.top, np.full(len(rows), axis), np.stack([i, j], 1), cost))
+        found.append(
+            (columns + box.left, rows + box.top, np.full(len(rows), axis), np.stack([i, j], 1), cost)
+        )
     x, y, axis_, pair_, cost_ = (np.concatenate(parts) for parts in zip(*found, strict=True))
     return x, y, axis_, pair_, cost_

@@ -8,7 +8,6 @@ import os
 import secrets
 import shutil
 import sys
-
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
@@ -20,7 +19,7 @@ from toposeam_cli.files.temporary import create, lock
 from toposeam_cli.files.writing import atomic_write
 
 #: Names in the folder of a work.
-_WORK, _LAYOUT, _PICTURES, _LOCK, _LABELS = "work.json", "placed.toml", "pictures", "lock", "labels.bin"
+_WORK, _LAYOUT, _PICTURES, _LOCK = "work.json", "placed.toml", "pictures", "lock"
 #: So many works are listed on the first page; older ones are removed.
 _REMEMBERED = 12
 
@@ -45,9 +44,8 @@ class Work:
     files: list[Path] = field(default_factory=list)
     #: Options of ``toposeam stitch`` that were chosen on the page, by name.
     settings: dict[str, str] = field(default_factory=dict)
-    #: Gestures in order, each a list of strokes as plain values; and those that were undone, the last first.
+    #: Gestures in order, each a list of strokes as plain values.
     gestures: list[list[dict[str, Any]]] = field(default_factory=list)
-    undone: list[list[dict[str, Any]]] = field(default_factory=list)
 
     @property
     def layout(self) -> Path:
@@ -55,19 +53,49 @@ class Work:
         return self.folder / _LAYOUT
 
     @property
-    def labels(self) -> Path:
-        """The file of the label map that shows."""
-        return self.folder / _LABELS
-
-    @property
     def pictures(self) -> Path:
         """The folder of the pictures that were dropped on the page."""
         return self.folder / _PICTURES
 
     @property
+    def is_placed(self) -> bool:
+        """True if the files say themselves where their pictures lie."""
+        return len(self.files) == 1
+
+    def source(self) -> list[Path]:
+        """Return what is joined: the layout of this work if it is known where its pictures lie, else them.
+
+        Raises
+        ------
+        ImageError
+            If an OpenRaster file cannot be read.
+        """
+        if self.layout.exists():
+            return [self.layout]
+        if len(self.files) == 1 and self.files[0].suffix.lower() == ".ora":
+            self._unpack(self.files[0])
+            return [self.layout]
+        return self.files
+
+    def _unpack(self, path: Path) -> None:
+        """Write the layers of an OpenRaster file as pictures, and a layout of them."""
+        from toposeam.layers.canvas.transforms import similarity
+        from toposeam_cli.media.layouts.layout import Layout, LayoutLayer, layout_text
+        from toposeam_cli.media.pictures.openraster import read_ora
+        from toposeam_cli.media.pictures.picture import write_picture
+
+        self.pictures.mkdir(parents=True, exist_ok=True, mode=0o700)
+        layers = []
+        for number, layer in enumerate(read_ora(path, ts.MAX_PIXELS)):
+            file = self.pictures / f"{number}.png"
+            write_picture(file, layer.picture, True)
+            layers.append(LayoutLayer(file=file, name=layer.name, transform=similarity(layer.at)))
+        atomic_write(self.layout, layout_text(self.folder, Layout(layers=tuple(layers))), force=True)
+
+    @property
     def touched(self) -> bool:
         """True if there is something that would be lost."""
-        return bool(self.gestures or self.undone or self.settings) or self.pictures.is_dir()
+        return bool(self.gestures or self.settings) or (self.pictures.is_dir() and self.layout.exists())
 
     def save(self) -> None:
         """Write pictures' names, settings and strokes.
@@ -83,7 +111,6 @@ class Work:
             "stamps": [_stamp(path) for path in self.files],
             "settings": self.settings,
             "gestures": self.gestures,
-            "undone": self.undone,
         }
         atomic_write(self.folder / _WORK, json.dumps(content), force=True)
 
@@ -92,9 +119,8 @@ class Work:
         shutil.rmtree(self.folder, ignore_errors=True)
 
     def forget_places(self) -> None:
-        """Remove what depends on where the pictures lie."""
-        for path in (self.layout, self.labels):
-            path.unlink(missing_ok=True)
+        """Remove what says where the pictures lie."""
+        self.layout.unlink(missing_ok=True)
 
 
 def work_of(files: Sequence[Path]) -> Work:
@@ -112,7 +138,7 @@ def read_work(folder: Path) -> Work | None:
     try:
         content = json.loads((folder / _WORK).read_text(encoding="utf-8"))
         files = [Path(os.fsdecode(bytes.fromhex(name))) for name in content["files"]]
-        work = Work(folder, files, content["settings"], content["gestures"], content["undone"])
+        work = Work(folder, files, content["settings"], content["gestures"])
         changed = content["stamps"] != [_stamp(path) for path in files]
     except (OSError, ValueError, KeyError, TypeError):
         return None

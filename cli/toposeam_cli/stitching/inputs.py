@@ -260,9 +260,7 @@ def arrange(
     sources = _with_masks(named, sources, masks, keeps)
     layers = _masked(named.layers, sources, limit)
     most = max(max_megapixels, ts.MAX_PIXELS / 1e6)
-    place: Places = lay or partial(
-        placed_layers, scratch=kept, executor=executor, max_megapixels=most
-    )
+    place: Places = lay or partial(placed_layers, scratch=kept, executor=executor, max_megapixels=most)
     placement = None
     other_groups: tuple[tuple[Path, ...], ...] = ()
     if not transforms:

@@ -1,5 +1,5 @@
 // Pointers and keys: press and drag paints, a tap opens the lens, two fingers or the right button move.
-const STILL_PX = 5, HOLD_MS = 280, FLICK_PX = 46, STEP_PX = 34;
+const STILL_PX = 5, HOLD_MS = 420, FLICK_PX = 46, STEP_PX = 34;
 
 export class Gestures {
   constructor(seams) {
@@ -24,6 +24,7 @@ export class Gestures {
   down(event) {
     const { seams } = this;
     this.canvas.setPointerCapture(event.pointerId);
+    document.body.classList.remove('keyed');
     this.canvas.focus({ preventScroll: true });
     this.fingers.set(event.pointerId, event);
     seams.panels.hide('more');
@@ -33,7 +34,8 @@ export class Gestures {
     const at = this.at(event);
     this.press = { at, x: event.clientX, y: event.clientY, lensWas: seams.lens?.stays };
     seams.pointer = at;
-    if (seams.tool === 'push') this.holding = setTimeout(() => this.hold(at), HOLD_MS);
+    // Moves that wait behind a slow drawing come before the lens opens.
+    if (seams.tool === 'push') this.holding = setTimeout(() => { this.holding = setTimeout(() => this.hold(at), 30); }, HOLD_MS);
     seams.draw();
   }
 
@@ -70,10 +72,17 @@ export class Gestures {
     seams.draw();
   }
 
-  // While the lens is held, a move to the side chooses the picture, and a flick up takes the thing.
+  // While the lens is held, a move to the side chooses the picture, and a flick up takes the thing. Of two
+  // pictures there is nothing to choose, and such a move paints.
   look(dx, dy) {
     const { seams, press } = this;
     press.flicked = dy < -FLICK_PX && Math.abs(dx) < -dy;
+    if (seams.lens?.others.length === 1 && (Math.abs(dx) > 3 * STILL_PX || dy > 3 * STILL_PX) && !press.flicked) {
+      press.looks = false;
+      seams.closeLens();
+      press.refused = !seams.begin(press.at);
+      return;
+    }
     const step = Math.round(dx / STEP_PX);
     if (step !== (press.step ?? 0)) { seams.turnLens(step - (press.step ?? 0)); press.step = step; }
   }
@@ -115,6 +124,7 @@ export class Gestures {
 
   // --- keys: arrows move the brush, Enter presses and lets go, Space is the lens
   keyDown(event) {
+    if (/^(Tab|Arrow|Enter)/.test(event.key)) document.body.classList.add('keyed');
     const { seams } = this, onCanvas = document.activeElement === this.canvas || document.activeElement === document.body;
     if (event.key === 'Escape') { seams.cancel(); seams.closeLens(); seams.panels.hide('more'); return; }
     if (onCanvas && this.arrows(event)) { event.preventDefault(); return; }

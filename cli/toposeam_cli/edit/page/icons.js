@@ -11,7 +11,7 @@ const PATHS = {
   redo: 'M16 5l4 4-4 4M20 9H10a6 6 0 0 0 0 12h3',
   more: 'M4 7h9M17 7h3M15 5v4M4 17h3M11 17h9M9 15v4M4 12h3M11 12h9',
   save: 'M12 4v11M7 10l5 5 5-5M4 20h16',
-  other: 'M4 8h13l-3-3M20 16H7l3 3',
+  other: 'M4 19V9a5 5 0 0 1 10 0v6a3 3 0 0 0 6 0V6M17 9l3-3 3 3',
   tick: 'M4 12.500l5 5L20 6.500',
   close: 'M6 6l12 12M18 6L6 18',
   list: 'M4 6h4v4H4zM4 14h4v4H4zM11 8h9M11 16h9',

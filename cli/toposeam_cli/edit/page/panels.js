@@ -13,6 +13,8 @@ const SETTINGS = {
   crop: ['auto', 'inside', 'outside'],
 };
 
+const PLACING = ['model', 'projection', 'level'];
+
 export class Panels {
   constructor(seams) {
     this.seams = seams;
@@ -75,6 +77,7 @@ export class Panels {
     const { places } = this.seams;
     const open = places.filter(place => !place.done).length;
     document.getElementById('list-shown')?.setAttribute('data-count', open || '✓');
+    this.places.classList.toggle('empty', !places.length);
     if (!places.length) {
       this.rows.replaceChildren(make('li', { className: 'none' }, icon('tick'), word('nothing_shows')));
       return;
@@ -118,11 +121,11 @@ export class Panels {
     if (!lens?.stays) return;
     const { seams } = this, at = seams.camera.toScreen(lens.x, lens.y + seams.lensRadius);
     const name = seams.scene.layers[lens.layer].name;
-    this.chip.replaceChildren(
+    this.chip.replaceChildren(...[
       make('span', { className: 'name' }, name),
       lens.others.length > 1 ? make('button', { title: word('next_picture'), 'aria-label': word('next_picture'), onclick: () => seams.turnLens(1) }, icon('redo')) : null,
       make('button', { className: 'accent', title: `${word('take_help')} (T)`, onclick: () => seams.takeThing() }, word('take')),
-    );
+    ].filter(Boolean));
     this.chip.style.left = `${Math.min(innerWidth - 130, Math.max(130, at.x))}px`;
     this.chip.style.top = `${Math.min(innerHeight - 70, at.y + 8)}px`;
   }
@@ -130,7 +133,7 @@ export class Panels {
   // --- more
   settings() {
     const { seams } = this, chosen = seams.scene.settings;
-    const rows = Object.entries(SETTINGS).map(([name, values]) => this.select(name, values, chosen[name] ?? values[0], value => `${name}_${value}`, () => this.apply()));
+    const rows = Object.entries(SETTINGS).filter(([name]) => !(seams.scene.placed && PLACING.includes(name))).map(([name, values]) => this.select(name, values, chosen[name] ?? values[0], value => `${name}_${value}`, () => this.apply()));
     const format = seams.shell.output ? null : this.select('format', ['jpg', 'png', 'tif', 'webp'], seams.shell.format, value => value.toUpperCase(), value => { seams.shell.format = value; });
     const speech = this.select('language', languages(), language(), value => LANGUAGES[value] ?? value, value => { choose(value); location.hash = value; location.reload(); });
     const others = make('button', { onclick: () => seams.shell.send({ kind: 'start' }) }, word('choose_others'));
@@ -146,8 +149,8 @@ export class Panels {
   apply() {
     const settings = {};
     for (const [name, values] of Object.entries(SETTINGS)) {
-      const { value } = document.getElementById(`set-${name}`);
-      if (value !== values[0]) settings[name] = value;
+      const select = document.getElementById(`set-${name}`);
+      if (select && select.value !== values[0]) settings[name] = select.value;
     }
     this.seams.shell.send({ kind: 'settings', settings });
     this.seams.shell.say(word('again'));

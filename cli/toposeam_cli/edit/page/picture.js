@@ -235,6 +235,7 @@ export class Picture {
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.shown.frame);
     gl.readPixels(left, top, width, height, gl.RGBA, gl.UNSIGNED_BYTE, data);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    for (let row = 0; row < height; row++) for (let column = 0; column < width; column++) if (!this.labels[(top + row) * this.width + left + column]) data[4 * (row * width + column) + 3] = 0;
     return { image: new ImageData(data, width, height), left, top };
   }
 

@@ -49,7 +49,7 @@ export class Seams {
     if (window.toposeam === this) delete window.toposeam;
   }
 
-  show() { this.element.classList.remove('hidden'); this.over.focus({ preventScroll: true }); this.rested(); }
+  show() { this.element.classList.remove('hidden'); this.rested(); }
 
   // --- bars
   tools() {
@@ -119,8 +119,10 @@ export class Seams {
 
   rest(head) {
     this.strokes = head.strokes;
+    const was = this.places.length;
     this.places = head.places;
     this.panels.list();
+    if (!was !== !head.places.length && !this.sent) this.fit();
     this.draw();
   }
 
@@ -253,7 +255,7 @@ export class Seams {
     const narrow = innerWidth <= 760;
     const top = narrow ? (at('steps', 'bottom') ?? 0) : Math.max(at('tools', 'bottom') ?? 0, at('steps', 'bottom') ?? 0);
     const bottom = Math.min(at('strip', 'top') ?? innerHeight, narrow ? at('tools', 'top') ?? innerHeight : innerHeight);
-    const right = narrow ? innerWidth : at('places', 'left') ?? innerWidth;
+    const right = narrow || this.panels.places.classList.contains('empty') ? innerWidth : at('places', 'left') ?? innerWidth;
     const gap = narrow ? 8 : 20, d = devicePixelRatio;
     return { left: gap * d, top: (top + gap) * d, width: Math.max(60, right - 2 * gap) * d, height: Math.max(60, bottom - top - 2 * gap) * d };
   }

@@ -1,5 +1,7 @@
 """A session without a browser: strokes, undo, what is on disk, and what is refused."""
 
+import zipfile
+
 import numpy as np
 import pytest
 from edit_pages import walker_pictures
@@ -153,9 +155,9 @@ def test_blended_windows_are_those_of_the_composition(session):
 
 
 def test_two_pages_never_hold_one_work(session):
-    with claimed_work(session.work), pytest.raises(ts.OptionError, match="open on another page"):
-        with claimed_work(session.work):
-            pass
+    refused = pytest.raises(ts.OptionError, match="open on another page")
+    with claimed_work(session.work), refused, claimed_work(session.work):
+        pass
 
 
 def test_a_work_without_strokes_leaves_nothing(tmp_path, works):
@@ -197,15 +199,35 @@ def test_too_many_pictures_are_refused():
         check_count(300)
 
 
-@pytest.mark.medium
 def test_layers_of_an_openraster_file(tmp_path, works):
-    from click.testing import CliRunner
-
-    from toposeam_cli.app.main import main
-
-    layout = walker_pictures(tmp_path)
-    made = CliRunner().invoke(main, ["stitch", str(layout), "-o", str(tmp_path / "two.ora")])
-    assert made.exit_code == 0, made.output
+    walker_pictures(tmp_path)
+    stack = (
+        '<image version="0.0.3" w="320" h="200"><stack><layer name="right" src="data/r.png" x="100" y="0"/>'
+        '<layer name="left" src="data/l.png" x="0" y="0"/></stack></image>'
+    )
+    with zipfile.ZipFile(tmp_path / "two.ora", "w") as archive:
+        archive.writestr("mimetype", "image/openraster")
+        archive.writestr("stack.xml", stack)
+        archive.write(tmp_path / "left.png", "data/l.png")
+        archive.write(tmp_path / "right.png", "data/r.png")
     session = Session(work_of([tmp_path / "two.ora"]))
-    assert len(session.layers) >= 2
+    assert [layer["name"] for layer in session.scene()["layers"]] == ["left", "right"]
+    assert session.shape == (200, 320)
     assert session.work.layout.exists()
+
+
+def test_a_preview_of_a_large_canvas_lies_as_the_whole(tmp_path, works, monkeypatch):
+    from toposeam_cli.edit import opening, preview
+
+    monkeypatch.setattr(opening, "ReducedPictures", lambda: preview.ReducedPictures(pixels=16_000))
+    session = Session(work_of([walker_pictures(tmp_path)]))
+    assert session.shape == (100, 160)
+    other = 1 - int(session.labels[50, 80])
+    session.paint([show(other, 80.0, 50.0, 4)])
+    session.settle()
+    (stroke,) = session.gestures[0]
+    whole = stroke.points + ([100, 0] if stroke.layer else [0, 0])
+    np.testing.assert_allclose(whole, [[160, 100]], atol=1)
+    np.testing.assert_allclose(stroke.radius, 8, rtol=0.05)
+    again = Session(read_work(session.work.folder))
+    np.testing.assert_array_equal(again.labels, session.labels)

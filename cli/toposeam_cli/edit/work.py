@@ -179,7 +179,8 @@ def claimed_work(work: Work) -> Iterator[None]:
         if not lock(descriptor):
             raise ts.OptionError("these pictures are open on another page; go on there, or end that first")
         yield
-        if not work.touched:
+        now = read_work(work.folder)  # another process paints
+        if now is None or not now.touched:
             work.forget()
     finally:
         os.close(descriptor)

@@ -10,9 +10,11 @@ from .composite.summary import pair_name
 from .exposure.gains import match_tones
 from .labelling.label_map import LabelMap
 from .labelling.problem import Labelling
+from .labelling.strokes import Stroke, apply_strokes
 from .registration.align import Aligned, align, correlations
 from .registration.placement import Placement
-from .search.multilevel import recut
+from .search.kept_costs import keep_costs
+from .search.recutting import recut
 
 __all__ = [
     "BLENDS",
@@ -25,9 +27,12 @@ __all__ = [
     "Placement",
     "Sink",
     "StitchOptions",
+    "Stroke",
     "align",
+    "apply_strokes",
     "common_canvas",
     "correlations",
+    "keep_costs",
     "match_tones",
     "overlapping",
     "pair_name",

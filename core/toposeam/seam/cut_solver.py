@@ -26,15 +26,18 @@ class CutSolver:
     Parameters
     ----------
     method, options
-        As for :func:`toposeam.find_seam`. With `auto` networks of up to 30,000 nodes are cut by maximum flow;
-        larger ones gather heat, which is sooner found there.
+        As for :func:`toposeam.find_seam`. With `auto` networks of up to `flow_nodes` nodes are cut by maximum
+        flow; larger ones gather heat, which is sooner found there.
     forbidden : float
         Interfaces that cost as much or more are forbidden.
+    flow_nodes : int
+        Largest network, in nodes, that `auto` cuts by maximum flow.
     """
 
     method: Method
     options: HeatOptions | None
     forbidden: float = float("inf")
+    flow_nodes: int = FLOW_PIXELS
 
     @classmethod
     def of(cls, method: Method, options: Mapping[str, Any], forbidden: float = float("inf")) -> CutSolver:
@@ -53,7 +56,7 @@ class CutSolver:
 
     def __call__(self, network: Network, cost: Floats) -> Mask:
         """Find the nodes on the hot side of the cheapest cut, (n,) bool."""
-        if self.method == "heat" or (self.method == "auto" and network.n > FLOW_PIXELS):
+        if self.method == "heat" or (self.method == "auto" and network.n > self.flow_nodes):
             return self.heat(network, cost).hot[:-2]
         if self.method == "graph-cut":
             from toposeam.seam.exact.graph_cut import least_cut

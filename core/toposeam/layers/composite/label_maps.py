@@ -64,7 +64,9 @@ def find_label_map(
         When a layer shares no pixel with the others.
     ImageError, OptionError, PathError
     """
-    options, two = search.options, len(canvas.layers) == 2
+    options = search.options
+    # A kept stroke is an island, round which several seams may run.
+    two = len(canvas.layers) == 2 and not options.strokes and options.start is None
     if canvas.period is not None:
         from toposeam.layers.composite.many_layers import by_cutting_open
 

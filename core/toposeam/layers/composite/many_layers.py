@@ -34,8 +34,10 @@ def by_rounds(
     """Search the label map of a flat canvas; `maps` are weights and pixels to be avoided."""
     common = search.common(canvas)
     given = [(pair, divided(canvas, pair, drawing, common)) for pair, drawing in paths.items()]
-    labelling = search.pose(canvas, given=given, **maps)
-    found = minimise(search.problem(labelling), order_of(canvas), search.options.max_rounds)
+    labelling, lost = search.struck(search.pose(canvas, given=given, **maps), canvas)
+    start = search.start_on(*canvas.origin)
+    found = minimise(search.problem(labelling), order_of(canvas), search.options.max_rounds, start)
+    found = dataclasses.replace(found, lost_strokes=lost)
     seams = SeamsOfMap(labelling, found, list(paths), search.recorded())
     seams.check(search.options.executor)
     return found, seams
@@ -60,10 +62,14 @@ def by_cutting_open(
     column, beside = canvas.sparsest_column(away=half)
     opened = canvas.cut_open(column)
     labelling = search.pose(opened)
-    found = minimise(search.problem(labelling), order_of(opened), options.max_rounds)
+    start = search.start_on(canvas.origin[0] + column, canvas.origin[1])
+    found = minimise(search.problem(labelling), order_of(opened), options.max_rounds, start, period)
     if column:
         labels = turned_map(found.labels, period, -column, period)
         found, labelling = dataclasses.replace(found, labels=labels), search.pose(canvas.cut_open())
+    labelling, lost = search.struck(labelling, canvas)
+    if options.strokes:
+        found = dataclasses.replace(search.recut(labelling, found), lost_strokes=lost)
     if beside > 1:
         band = _columns(canvas.shape, column - half, column + half)
         found = search.recut(labelling, found, band)

@@ -4,26 +4,35 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 import numpy.typing as npt
 
 from toposeam.arrays import Labels, Mask
-from toposeam.checks import check_choice, check_function, check_number, check_whole
+from toposeam.checks import (
+    check_choice,
+    check_function,
+    check_items,
+    check_kind,
+    check_number,
+    check_whole,
+)
 from toposeam.errors import OptionError, Term
 from toposeam.layers.blending.blend import Blend, Blending, blending_of
 from toposeam.layers.canvas.canvas import Canvas
 from toposeam.layers.canvas.layer import MAX_MEGAPIXELS
 from toposeam.layers.execution.tasks import Executor, Progressed, check_executor
 from toposeam.layers.labelling.label_map import LabelMap, Pair
+from toposeam.layers.labelling.strokes import Stroke
 from toposeam.layers.search.options import Effort, SearchOptions, search_options
 from toposeam.seam.find import Method, method_for, method_options, usual_law
 from toposeam.seam.problem.match_cost import MatchCost, match_options
 from toposeam.seam.problem.overlap import check_core
 
 if TYPE_CHECKING:
+    from toposeam.layers.canvas.transforms import Transform
     from toposeam.layers.labelling.problem import Labelling
     from toposeam.layers.search.problem import Problem
     from toposeam.seam.heat.method import HeatOptions
@@ -93,6 +102,15 @@ class StitchOptions:
     #: Seams that were read from files, on the canvas: of the only two layers, or of pairs of layers by
     #: number.
     use_path: SvgSeam | Mapping[Pair, SvgSeam] | None = None
+    #: Strokes of a brush that say which layer shows, or where no seam may run; later ones win. Those that
+    #: change nothing are named in :attr:`LabelMap.lost_strokes`.
+    strokes: Sequence[Stroke] = ()
+    #: For strokes on layers that are warped: per layer the map from the pixels of its picture to the
+    #: coordinates of the layers (:attr:`Placement.transforms`), or None if it is only moved.
+    transforms: Sequence[Transform | None] | None = None
+    #: A label map that was found for the same layers at a smaller size, with its `at` and `scale`: the seams
+    #: are searched in a band round those of it.
+    start: LabelMap | None = field(default=None, repr=False)
     #: Rounds of expansions at most, of which three are typical; 0 leaves the seams as they were found one
     #: after another.
     max_rounds: int = 10
@@ -119,6 +137,8 @@ class StitchOptions:
         check_function("progress", self.progress)
         check_executor(self.executor)
         self._check_give()
+        check_items("strokes", self.strokes, Stroke, "a sequence of Strokes")
+        check_kind("start", self.start, (LabelMap, type(None)), "a LabelMap or None")
         check_whole("max_rounds", self.max_rounds, 0)
         search_options(self.effort, 0)
         check_core(self.core, self.speck)
@@ -220,13 +240,32 @@ class SeamSearch:
         options = self.options
         return pose_labelling(canvas, core=options.core, speck=options.speck, match=self.match, **more)
 
-    def recut(
-        self, labelling: Labelling, label_map: LabelMap, opened: Mask, fixed: Labels | None = None
-    ) -> LabelMap:
-        """Search a part of a label map again, by the same method."""
-        from toposeam.layers.search.multilevel import recut
+    def struck(self, labelling: Labelling, canvas: Canvas) -> tuple[Labelling, tuple[int, ...]]:
+        """Apply the strokes to a problem of a canvas; also return those that change nothing."""
+        if not self.options.strokes:
+            return labelling, ()
+        from toposeam.layers.labelling.strokes import apply_strokes
 
-        solver = self.problem(labelling).solver
+        return apply_strokes(labelling, self.options.strokes, canvas, self.options.transforms)
+
+    def start_on(self, x: int, y: int) -> LabelMap | None:
+        """Return the label map to begin with, in the coordinates of a canvas that begins at x, y."""
+        start = self.options.start
+        if start is None:
+            return None
+        return dataclasses.replace(start, at=(start.at[0] - x, start.at[1] - y))
+
+    def recut(
+        self,
+        labelling: Labelling,
+        label_map: LabelMap,
+        opened: Mask | None = None,
+        fixed: Labels | None = None,
+    ) -> LabelMap:
+        """Search a part of a label map again, by the same method if one was named."""
+        from toposeam.layers.search.recutting import recut
+
+        solver = None if self.method == "auto" else self.problem(labelling).solver
         return recut(labelling, label_map, opened, fixed, solver=solver, search=self.thorough)
 
     def recorded(self) -> dict[str, Any]:

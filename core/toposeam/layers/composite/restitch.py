@@ -15,7 +15,7 @@ from toposeam.errors import OptionError, PathError, Term
 from toposeam.images import as_mask
 from toposeam.layers.blending.blend import Blend, blending_of
 from toposeam.layers.canvas.canvas import Canvas, common_canvas
-from toposeam.layers.canvas.layer import MAX_MEGAPIXELS, Box, Layer, check_layers, cut
+from toposeam.layers.canvas.layer import MAX_MEGAPIXELS, Layer, check_layers, cut
 from toposeam.layers.composite.composition import Composition
 from toposeam.layers.composite.label_maps import check_alike, find_label_map, label_map_of_masks
 from toposeam.layers.composite.options import SeamSearch, StitchOptions
@@ -28,12 +28,6 @@ from toposeam.seam.problem.match_cost import MatchCost
 from toposeam.seam.problem.overlap import FREE, NONE, A, B
 from toposeam.seam.result.apply import labels_from_paths
 from toposeam.vector.svg import SvgSeam
-
-#: The window that is searched again round strokes reaches beyond them by their own size, and at least by this
-#: many px.
-_LEAST_MARGIN = 160
-#: Width of the rim of the window, px, that keeps its labels, so that seams join those outside.
-_FIXED_RIM = 2
 
 
 def restitch(
@@ -117,10 +111,8 @@ def restitch(
         seams = SeamsOfMap(search.pose(canvas), found, tuple(drawings), search.recorded())
     if fixed is not None:
         wanted = _where_possible(canvas, as_labels(fixed, canvas.shape, "fixed"))
-        opened = _window_round((wanted >= 0) & (found.labels[:, :] != wanted))
-        if opened.any():
-            found = search.recut(seams.labelling, found, opened, wanted)
-            seams = SeamsOfMap(seams.labelling, found, tuple(drawings), search.recorded())
+        found = search.recut(seams.labelling, found, fixed=wanted)
+        seams = SeamsOfMap(seams.labelling, found, tuple(drawings), search.recorded())
     blending = options.blending
     if blending.needs_potential:
         blending = blending_of(blending.without_potential, blend_width)
@@ -134,23 +126,6 @@ def _where_possible(canvas: Canvas, wanted: Labels) -> Labels:
         here = result[place.slices]
         here[(wanted[place.slices] == index) & cover[:, :]] = index
     return result
-
-
-def _window_round(wrong: Mask) -> Mask:
-    """Return the (H, W) bool mask to be searched again: pixels that show a wrong layer, and a window round
-    them.
-    """
-    opened = wrong.copy()
-    if not wrong.any():
-        return opened
-    rows, columns = (np.flatnonzero(wrong.any(axis=axis)) for axis in (1, 0))
-    tight = Box(int(rows[0]), int(columns[0]), int(rows[-1]) + 1, int(columns[-1]) + 1)
-    canvas = Box(0, 0, *wrong.shape)
-    box = tight.grown(max(_LEAST_MARGIN, *tight.shape)).shared(canvas)
-    steps = zip(box, canvas, (_FIXED_RIM, _FIXED_RIM, -_FIXED_RIM, -_FIXED_RIM), strict=True)
-    inner = Box(*(edge if edge == end else edge + step for edge, end, step in steps))
-    opened[inner.slices] = True
-    return opened
 
 
 def _divide(canvas: Canvas, labels: Labels, pair: Pair, drawing: SvgSeam) -> None:

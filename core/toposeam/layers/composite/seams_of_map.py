@@ -31,14 +31,8 @@ _LARGE_OVERLAP, _SEAM_MARGIN = 1 << 20, 8
 _INTERFACES: Any = (1, np.s_[:BLOCK, :-1], np.s_[:BLOCK, 1:]), (0, np.s_[:-1, :BLOCK], np.s_[1:, :BLOCK])
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _SeamOnOverlap:
-    """Two layers, their match cost, and the labels on their overlap."""
-
-    pair: Pair
-    cost: PairCost
-    canvas: Box
-    labels: Labels
+#: Two layers, their match cost, the canvas, and the labels on their overlap.
+_SeamOnOverlap = tuple[Pair, PairCost, Box, Labels]
 
 
 def _measured(on_overlap: _SeamOnOverlap) -> tuple[int, float, Verdict]:
@@ -46,17 +40,17 @@ def _measured(on_overlap: _SeamOnOverlap) -> tuple[int, float, Verdict]:
     verdict.
     """
     found = [(np.zeros(0, np.intp), np.zeros(0, np.intp))]
-    canvas = on_overlap.canvas
-    for block in several(on_overlap.labels, on_overlap.cost.box.shared(canvas), side=BLOCK):
-        labels = on_overlap.labels[block.slices]
-        first, second = (labels == k for k in on_overlap.pair)
+    pair, cost, canvas, label_map = on_overlap
+    for block in several(label_map, cost.box.shared(canvas), side=BLOCK):
+        labels = label_map[block.slices]
+        first, second = (labels == k for k in pair)
         for axis, s, t in _INTERFACES:
             border = (first[s] & second[t]) | (second[s] & first[t])
             rows, columns = np.divmod(np.flatnonzero(border), max(1, border.shape[1]))
             at = (rows + block.top) * canvas.shape[1] + columns + block.left
             found.append((at, np.full(len(at), axis)))
     first_pixel, along = (np.concatenate(part) for part in zip(*found, strict=True))
-    costs = costs_at(on_overlap.cost, canvas, first_pixel, along)
+    costs = costs_at(cost, canvas, first_pixel, along)
     dear = costs > 0
     y, x = np.divmod(first_pixel[dear], canvas.shape[1])
     return len(x), float(costs.sum()), verdict_of(costs[dear], x, y)
@@ -140,7 +134,7 @@ class SeamsOfMap:
         cost, labels = self.labelling.costs[pair], self.label_map.labels
         if apart:
             cost, labels = cost.part(cost.box, {}), part_of(labels, cost.box)
-        return _SeamOnOverlap(pair, cost, self.labelling.canvas, labels)
+        return pair, cost, self.labelling.canvas, labels
 
     def _seam_box(self, pair: Pair) -> Box | None:
         """Return the box of a seam and a margin on a large overlap; None if the whole overlap is used."""

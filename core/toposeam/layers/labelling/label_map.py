@@ -43,6 +43,25 @@ class LabelMap:
     rounds: int = 0
     #: Duration of the search, s.
     seconds: float = 0.0
+    #: Strokes, by number, that change nothing, as their layer has no pixels there, or no other one has.
+    lost_strokes: tuple[int, ...] = ()
+    #: Of a label map from which a search at a larger size begins: x and y of its upper left corner in the
+    #: coordinates of the layers, and the size of one of its pixels there, px.
+    at: tuple[float, float] = (0.0, 0.0)
+    scale: float = 1.0
+
+    def sampled(self, shape: tuple[int, int], step: int, period: int | None = None) -> Labels:
+        """(h, w) int16: the labels at the middles of squares of `step` px of the layers' coordinates, from
+        (0, 0) on; those of the nearest pixel beyond the map. On a round canvas columns come back after
+        `period` px.
+        """
+        rows, columns = ((np.arange(side) + 0.5) * step for side in shape)
+        if period is not None:
+            columns = (columns - self.at[0]) % period + self.at[0]
+        height, width = self.labels.shape
+        y = np.clip(((rows - self.at[1]) / self.scale).astype(int), 0, height - 1)
+        x = np.clip(((columns - self.at[0]) / self.scale).astype(int), 0, width - 1)
+        return np.asarray(self.labels[:, :][np.ix_(y, x)], np.int16)
 
 
 def as_labels(values: npt.ArrayLike, shape: tuple[int, int], name: str) -> Labels:

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 from toposeam.arrays import Floats32, Labels, Mask
 from toposeam.layers.canvas.layer import Box, cut
@@ -223,6 +224,35 @@ class Labelling:
                 border = ((labels[s] == i) & (labels[t] == j)) | ((labels[s] == j) & (labels[t] == i))
                 total += float(values[border].sum(dtype=np.float64))
         return total
+
+    def interfaces(
+        self, label_map: Labels, box: Box
+    ) -> Iterator[tuple[Pair, npt.NDArray[np.intp], npt.NDArray[np.intp], int, Floats32]]:
+        """Yield the interfaces of all seams in a box of the canvas, pair by pair and axis by axis.
+
+        Parameters
+        ----------
+        label_map : (H, W) int16 array
+        box : Box
+
+        Yields
+        ------
+        pair : (int, int)
+        x, y : (n,) int arrays
+            The left or upper pixel of each interface, on the canvas.
+        axis : int
+            1 for interfaces between neighbours in a row, 0 between those in a column.
+        cost : (n,) float32 array
+        """
+        box = box.shared(self.canvas)
+        labels = label_map[box.slices]
+        for i, j in self.adjoining(labels):
+            cost = self.costs.get((i, j))
+            for axis, values, s, t in zip((1, 0), cost.on(box), *_NEIGHBOURS, strict=True) if cost else ():
+                border = ((labels[s] == i) & (labels[t] == j)) | ((labels[s] == j) & (labels[t] == i))
+                rows, columns = np.nonzero(border)
+                if len(rows):
+                    yield (i, j), columns + box.left, rows + box.top, axis, values[rows, columns]
 
     def adjoining(self, labels: Labels) -> list[Pair]:
         """Find the pairs of layers that show side by side somewhere, in order."""

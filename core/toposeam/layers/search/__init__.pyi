@@ -1,8 +1,10 @@
 from .expansion_moves import Choices
+from .kept_costs import keep_costs
 from .local_search import refine
-from .multilevel import minimise, recut
+from .multilevel import minimise
 from .options import BEST, Effort, SearchOptions, search_options
 from .problem import Problem
+from .recutting import recut
 from .two_label_band import band_of, costs_at, write_pixels
 
 __all__ = [
@@ -13,6 +15,7 @@ __all__ = [
     "SearchOptions",
     "band_of",
     "costs_at",
+    "keep_costs",
     "minimise",
     "recut",
     "refine",

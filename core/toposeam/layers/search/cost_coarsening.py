@@ -33,6 +33,7 @@ from toposeam.layers.labelling.pair_cost import KEPT_PIXELS, LayerPairCost
 from toposeam.layers.labelling.problem import Labelling, PairCost
 from toposeam.layers.labelling.seam_lines import square_dilation
 from toposeam.layers.labelling.table_costs import TableCost, spread
+from toposeam.layers.search.kept_costs import KeptCost
 from toposeam.seam.problem.blend_reach import Reach
 
 #: Number of reduced rows that are computed at once, for a whole overlap and for a band of it; bounds the
@@ -93,8 +94,20 @@ def halved(labelling: Labelling, wandering: float) -> Labelling:
     allowed = [
         rimmed(place.shape, inner[index], partial(chosen, index)) for index, place in enumerate(places)
     ]
-    costs = {pair: ReducedCost(cost, wandering) for pair, cost in labelling.costs.items()}
+    costs: dict[Pair, PairCost] = {
+        pair: cost.half(wandering, ReducedCost)
+        if isinstance(cost, KeptCost)
+        else ReducedCost(cost, wandering)
+        for pair, cost in labelling.costs.items()
+    }
     return Labelling(canvas, places, allowed, costs, labelling.forbidden)
+
+
+def _half(cost: PairCost, wandering: float) -> PairCost:
+    """Return a cost at half the size, kept if the cost itself is."""
+    if isinstance(cost, KeptCost):
+        return cost.half(wandering, ReducedCost)
+    return ReducedCost(cost, wandering)
 
 
 def _full_box(labelling: Labelling, index: int, reduced: Box) -> Box | None:

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -185,34 +184,27 @@ def settle(problem: Problem, labels: Labels) -> None:
         box, parts = windows[k], (problem.labelling, labels)
         if problem.executor is not None:
             parts = part_of_labelling(problem.labelling, box.grown(1)), part_of(labels, box.grown(1))
-        return Window(*parts, box, problem.solver)
+        return *parts, box, problem.solver
 
     for k, found in on_boxes(problem.executor, settled, item, windows):
         problem.steps.one()
         labels[windows[k].slices] = found
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Window:
-    """A window of a canvas in which every pixel but those of its rim may change, and how it is solved."""
-
-    labelling: Labelling
-    #: (H, W) int16 label map of the canvas.
-    labels: Labels
-    box: Box
-    solver: CutSolver
+#: A labelling, its (H, W) int16 label map, a window of it, and how that is solved.
+Window = tuple[Labelling, Labels, Box, CutSolver]
 
 
 def settled(window: Window) -> Labels:
-    """(h, w) int16: the labels of a window after expansions, from what shows on."""
-    labelling, box = window.labelling, window.box
+    """(h, w) int16: the labels of a window after expansions, from what shows on; its rim stays."""
+    labelling, labels, box, solver = window
     inner = np.zeros(box.shape, bool)
     inner[1:-1, 1:-1] = True
     layers = layers_on(labelling, box)
     may = [labelling.allowed_in(k, box) & inner for k in layers]
-    choices = Choices(labelling, box, window.labels[box.slices], may, layers)
+    choices = Choices(labelling, box, labels[box.slices], may, layers)
     with one_thread():
-        choices.run(window.solver, _MOST_ROUNDS)
+        choices.run(solver, _MOST_ROUNDS)
     return choices.label_map()
 
 

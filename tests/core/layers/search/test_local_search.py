@@ -22,8 +22,8 @@ from toposeam.layers.search import (
     Problem,
     SearchOptions,
     minimise,
-    multilevel,
     recut,
+    recutting,
     refine,
     search_options,
 )
@@ -408,7 +408,7 @@ def opened_in(shape, *box):
 
 @pytest.mark.parametrize("small", [True, False])
 def test_a_part_is_searched_again_and_the_rest_stays(small, monkeypatch):
-    monkeypatch.setattr(multilevel, "_EXPANDED_PIXELS", 10**6 if small else 0)
+    monkeypatch.setattr(recutting, "_EXPANDED_PIXELS", 10**6 if small else 0)
     labelling = labelling_of(pile(3, alike=True))
     found = minimise(problem_of(labelling), range(len(labelling.places)), 20)
     worse = labelling.on_top()
@@ -426,7 +426,7 @@ def test_a_part_is_searched_again_and_the_rest_stays(small, monkeypatch):
 
 @pytest.mark.parametrize("small", [True, False])
 def test_fixed_layers_show_and_seams_go_round_them(small, monkeypatch):
-    monkeypatch.setattr(multilevel, "_EXPANDED_PIXELS", 10**6 if small else 0)
+    monkeypatch.setattr(recutting, "_EXPANDED_PIXELS", 10**6 if small else 0)
     labelling = labelling_of(pile(3, alike=True))
     found = minimise(problem_of(labelling), range(len(labelling.places)), 20)
     fixed = np.full(found.labels.shape, -1, np.int16)

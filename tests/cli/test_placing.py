@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import PIL.Image
 import pytest
+import scipy
 import tifffile
 from scipy import ndimage
 from skimage import data
@@ -200,6 +201,29 @@ def test_unrelated_pictures_at_given_places_cause_a_warning(crops, toposeam, tmp
     assert ran.code == 0
     assert "warning: a.png and cat.png hardly show the same" in ran.err
     assert toposeam("stitch", "a.png", "b.png", "--offset", "200,4", "-o", "ab.png").err == ""
+
+
+@pytest.mark.medium
+def test_warped_pictures_may_fit_to_some_px_only(crops, toposeam, tmp_path):
+    """Leaves that moved are no other place; for pictures that only lie somewhere, every pixel counts."""
+    rng = np.random.default_rng(5)
+    slow = scipy.ndimage.gaussian_filter(rng.standard_normal((2, 220, 400)), (0, 9, 9)) * 400
+    shown = np.stack([slow[0, :, :300], slow[0, :, 100:], slow[1, :, 100:]])
+    own = 128 + shown + 50 * rng.standard_normal((3, 220, 300))
+    for name, pixels in zip(("one", "two", "other"), np.clip(own, 0, 255).astype(np.uint8), strict=True):
+        write_picture(tmp_path / f"{name}.png", Picture(pixels=pixels))
+    place = {"at": "at = [{}, 0]", "warped": "matrix = [[1, 0, {}], [0, 1, 0], [1e-7, 0, 1]]"}
+    told = {}
+    for second in ("two", "other"):
+        for kind, words in place.items():
+            files = (f"[[layer]]\nfile = '{name}.png'\n" for name in ("one", second))
+            text = "\n".join(file + words.format(x) for file, x in zip(files, (0, 100), strict=True))
+            (tmp_path / "l.toml").write_text(text)
+            ran = toposeam("stitch", "l.toml", "-o", "all.png", "--force")
+            assert ran.code == 0, ran
+            told[second, kind] = "hardly show the same" in ran.err
+    strange = {pair for pair, said in told.items() if said}
+    assert strange == {("two", "at"), ("other", "at"), ("other", "warped")}
 
 
 @pytest.mark.parametrize("plain", [0, 255])

@@ -150,7 +150,7 @@ def _stitch(
             scratch=means.store if by_windows(out, find) else None,
             executor=means.workers,
             stores=means.stores,
-            finding=finding.of(files),
+            finding=finding.of(files if layout is None else [layer.file for layer in layout.layers]),
         )
     for reason in job.skipped:
         click.echo(f"left out: {reason}", err=True)

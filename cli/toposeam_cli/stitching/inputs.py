@@ -248,6 +248,7 @@ def arrange(
         keep = partial(store, scratch=kept)
     reading = _Reading(limit=limit, scratch=kept, skips=skip_bad, executor=executor, elsewhere=stores)
     sources, wrap = _sources(files, where, reading, 1 if alone else 2)
+    sources, wrap, finding = _viewed(sources, wrap, finding)
     pictures = match_pictures([source.picture for source in sources], keep)
     transforms = _given_places(sources, pictures, where, reading, len(files), alone=alone)
     notes = [noted(source.file) for source in sources]
@@ -317,6 +318,23 @@ def _as_placed(picture: Picture, layer: ts.Layer) -> Picture:
     return (
         picture if layer.image is picture.pixels else replace(picture, pixels=layer.image, alpha=layer.alpha)
     )
+
+
+def _viewed(
+    sources: list[_Source], wrap: int | None, finding: PlaceFinding | None
+) -> tuple[list[_Source], int | None, PlaceFinding | None]:
+    """Show what given cameras saw in the projection and field of view that are asked for."""
+    cameras = [one.transform for one in sources if isinstance(one.transform, CameraTransform)]
+    if finding is None or set(finding.named) - {"--projection", "--fov"} or len(cameras) < len(sources):
+        return sources, wrap, finding
+    asked: dict[str, Any] = {"fov": finding.options.fov, "projection": finding.options.projection}
+    asked = {key: value for key, value in asked.items() if value not in (None, "auto")}
+    shown = [
+        replace(source, transform=replace(camera, **asked))
+        for source, camera in zip(sources, cameras, strict=True)
+    ]
+    round_way = "fov" not in asked and asked.get("projection", "sphere") in ("cylinder", "sphere")
+    return shown, wrap if round_way else None, replace(finding, named=())
 
 
 def _given_places(

@@ -28,6 +28,9 @@ from toposeam_cli.media.pictures.background import colour_of
 from toposeam_cli.media.pictures.deep_zoom import check_deep_zoom, write_deep_zoom
 from toposeam_cli.media.pictures.picture import COMPRESSIONS, Keep, Picture, write_picture
 
+#: Formats that know no transparency.
+OPAQUE = (".jpg", ".jpeg")
+
 
 def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add the options of outputs: files, formats and cropping."""
@@ -44,8 +47,8 @@ def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "--save-layout",
             heading="Output",
             type=OUTPUT,
-            help="Also write where the pictures lie, as a layout (.toml) to give instead, or for Hugin "
-            "(.pto).",
+            help="Also write the whole work as a layout (.toml), which makes the same picture again, or its "
+            "places for Hugin (.pto).",
         ),
         option(
             "--report",
@@ -168,7 +171,7 @@ class Outputs:
     @property
     def has_alpha(self) -> bool:
         """True if the picture's format knows transparency."""
-        return self.output.suffix.lower() not in (".jpg", ".jpeg")
+        return self.output.suffix.lower() not in OPAQUE
 
 
 def outputs_of(out: Outputs) -> list[Path]:

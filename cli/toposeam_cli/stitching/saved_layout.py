@@ -16,7 +16,7 @@ from click.core import ParameterSource
 
 import toposeam as ts
 from toposeam.layers.canvas.canvas import extent_of
-from toposeam.layers.canvas.transforms import CameraTransform, similarity
+from toposeam.layers.canvas.transforms import CameraTransform, Transform, similarity
 from toposeam_cli.app.command import HeadedOption
 from toposeam_cli.app.options import Keyed, KeyedFile, is_path
 from toposeam_cli.files.regular import check_regular, real_path
@@ -31,8 +31,8 @@ from toposeam_cli.media.layouts.layout import (
     layout_text,
     named_from,
 )
-from toposeam_cli.stitching.inputs import PlacedPictures
-from toposeam_cli.stitching.outputs import Outputs, foreign_to, outputs_of
+from toposeam_cli.stitching.inputs import STORED_PIXELS, PlacedPictures
+from toposeam_cli.stitching.outputs import OPAQUE, Outputs, foreign_to, outputs_of
 from toposeam_cli.stitching.search_options import SeamOptions
 
 #: An option of the command line replaces these of a layout, too: they say the same otherwise, or belong to
@@ -83,13 +83,16 @@ def options_of(path: Path, layout: Layout, context: click.Context) -> dict[str, 
 
 def taken_layout(path: Path, given: dict[str, Any]) -> Layout:
     """Read a layout, and put its options into the parameters of the running command; what the command line
-    gives wins, and options of other formats than the output's are left out.
+    gives wins, and what the output's format has no use for, or cannot hold, is left out.
     """
     layout, context = layout_in(path), click.get_current_context()
     written = {name for name in given if _is_written(context, name)}
     skipped = written | foreign_to(given["output"].suffix.lower())
     skipped |= {other for name in written for other in _REPLACED.get(name, ())}
-    for name, value in options_of(path, layout, context).items():
+    found = options_of(path, layout, context)
+    if found.get("crop") == "outside" and given["background"] is None and "background" not in found:
+        skipped |= {"crop"} if given["output"].suffix.lower() in OPAQUE else set()
+    for name, value in found.items():
         if name not in skipped:
             given[name] = context.params[name] = value
             context.set_parameter_source(name, ParameterSource.COMMANDLINE)
@@ -109,7 +112,8 @@ def named_files(path: Path, command: click.Command) -> list[Path]:
 
 
 def painted(layout: Layout, job: PlacedPictures, find: SeamOptions) -> dict[str, Any]:
-    """Return the strokes and the label map of a layout as keywords of :func:`toposeam.stitch`.
+    """Return the strokes and the label map of a layout as keywords of :func:`toposeam.stitch`; the label map
+    is that of one view of the canvas.
 
     Raises
     ------
@@ -131,13 +135,14 @@ def painted(layout: Layout, job: PlacedPictures, find: SeamOptions) -> dict[str,
         found["transforms"] = [
             transform if job.warped(index) else None for index, transform in enumerate(job.transforms)
         ]
-    if (labels := layout.labels) is not None:
+    if (labels := layout.labels) is not None and _view(job.transforms) == _view(
+        [layer.transform for layer in layout.layers]
+    ):
         from toposeam_cli.media.layouts.label_picture import read_labels
 
         numbers = tuple(layout.numbers[number] for number in job.numbers)
-        label_map = read_labels(
-            labels.file, numbers, layout.count, round(find.of_stitch("max_megapixels") * 1e6)
-        )
+        limit = min(round(find.of_stitch("max_megapixels") * 1e6), STORED_PIXELS)
+        label_map = read_labels(labels.file, numbers, layout.count, limit)
         found["start"] = label_map, labels.at, labels.scale
     return found
 
@@ -256,6 +261,11 @@ def lost_in_project(job: PlacedPictures, path: Path | None, painting: Mapping[st
     if not lost:
         return []
     return [f"a Hugin project holds places, and not {', '.join(lost)}; save a layout (.toml) for all of it"]
+
+
+def _view(transforms: Sequence[Transform]) -> set[tuple[str, float | None]]:
+    """Return the projections and fields of view of a canvas."""
+    return {(one.projection, one.fov) for one in transforms if isinstance(one, CameraTransform)}
 
 
 def _kept(command: click.Command) -> dict[str, HeadedOption]:

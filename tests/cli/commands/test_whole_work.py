@@ -230,6 +230,12 @@ def test_what_a_format_has_no_use_for_is_left_out(work, toposeam):
     for end in ("png", "ora", "tif"):
         assert toposeam("stitch", "saved.toml", "-o", f"out.{end}").code == 0
     toposeam("stitch", "saved.toml", "--quality", "70", "-o", "two.png").fails("--quality is for .jpg")
+    words = *PLACED, "--crop", "outside", "-o", "holes.png", "--save-layout", "holes.toml"
+    assert toposeam("stitch", *words).code == 0
+    assert toposeam("stitch", "holes.toml", "-o", "none.jpg").code == 0
+    assert read_picture(Path("none.jpg")).pixels.size < read_picture(Path("holes.png")).pixels.size
+    assert toposeam("stitch", "holes.toml", "--background", "white", "-o", "white.jpg").code == 0
+    assert read_picture(Path("white.jpg")).pixels.shape == read_picture(Path("holes.png")).pixels.shape
 
 
 def test_a_layout_of_before_is_read(work, toposeam):
@@ -371,6 +377,13 @@ def test_a_layout_of_a_stranger(work, toposeam, text, phrase):
     assert not Path("out.png").exists()
 
 
+def test_labels_are_no_larger_than_memory(work, toposeam, monkeypatch):
+    Path("large.png").write_bytes(labels_png(np.zeros((40, 30), np.int16), 3))
+    Path("l.toml").write_text("[labels]\nfile = 'large.png'\nat = [0, 0]\nscale = 2\n" + placed_text())
+    monkeypatch.setattr(saved_layout, "STORED_PIXELS", 1199)
+    toposeam("stitch", "l.toml", "-o", "out.png").fails("'large.png' is 30 x 40 pixels, more than")
+
+
 #: A stroke with one value changed.
 STRANGE = {
     "layer": (3, "layer is 3; write the name of a layer, or its number from 0 to 2"),
@@ -459,3 +472,35 @@ def test_a_batch_goes_on_unless_what_a_layout_names_has_changed(work, toposeam):
     white("faces.png", (80, 100), np.s_[33:38, 44:56])
     assert "1 done in" in toposeam("batch", "jobs.toml", "--force").out
     assert made("out.png") != made("first.png")
+
+
+@pytest.mark.medium
+def test_cameras_are_shown_in_another_projection(work, toposeam):
+    """Strokes go with the pictures; a label map is that of one view."""
+    out = "-o", "out.png", "--force"
+    for flags, view in (
+        (("--projection", "sphere"), ("sphere", None)),
+        (("--fov", "40"), ("cylinder", 40)),
+        (("--projection", "flat", "--fov", "30"), ("flat", 30)),
+    ):
+        assert toposeam("stitch", "cameras.toml", *flags, *out, "--save-layout", "saved.toml").code == 0
+        camera = read_layout(Path("saved.toml")).layers[0].transform
+        assert (camera.projection, camera.fov, camera.radius) == (*view, 90.3)
+        before = made()
+        assert toposeam("stitch", "saved.toml", *out).code == 0
+        assert made() == before
+    refused = "is for places that are found, and here they are given; leave it out"
+    toposeam("stitch", "cameras.toml", "--focal", "30", *out).fails(f"--focal {refused}")
+    toposeam("stitch", "tilted.toml", "--projection", "sphere", *out).fails(f"--projection {refused}")
+    toposeam("stitch", "cameras.toml", "--fov", "0.1", *out).fails("the canvas shows nothing of")
+
+
+def test_a_round_canvas_is_cut_open_where_a_view_does_not_go_round(work):
+    asked = inputs.PlaceFinding(options=inputs.PlaceOptions(projection="panini"), named=("--projection",))
+    layers = read_layout(Path("cameras.toml")).layers
+    sources = [inputs._Source(picture=None, name=one.name, transform=one.transform) for one in layers]
+    shown, wrap, left = inputs._viewed(sources, 567, asked)
+    assert ({one.transform.projection for one in shown}, wrap, left.named) == ({"panini"}, None, ())
+    around = inputs.PlaceFinding(options=inputs.PlaceOptions(projection="sphere"), named=("--projection",))
+    assert inputs._viewed(sources, 567, around)[1] == 567
+    assert inputs._viewed(sources, 567, inputs.PlaceFinding())[1] == 567

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,13 +18,13 @@ from toposeam_cli.media.pictures.picture import read_picture
 _DEEP_FROM = 255
 
 
-def read_labels(path: Path, numbers: tuple[int, ...], count: int, max_pixels: int) -> Labels:
+def read_labels(path: Path, numbers: Sequence[int], count: int, max_pixels: int) -> Labels:
     """Read a label map.
 
     Parameters
     ----------
     path : Path
-    numbers : tuple of int
+    numbers : sequence of int
         The number of each visible layer among those of the layout.
     count : int
         Number of all layers of the layout.
@@ -40,7 +41,7 @@ def read_labels(path: Path, numbers: tuple[int, ...], count: int, max_pixels: in
     ImageError
         If it cannot be read, is no gray picture without transparency, or has the number of no layer.
     """
-    refuse_large(path, *size_of(path), max_pixels)
+    refuse_large(path, *size_of(path), max_pixels, raisable=False)
     picture = read_picture(path, max_pixels=max_pixels)
     pixels = picture.pixels
     if pixels.ndim != 2 or picture.alpha is not None or pixels.dtype.kind != "u":

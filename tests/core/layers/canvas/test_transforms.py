@@ -11,10 +11,14 @@ from toposeam.layers.canvas import (
     PROJECTIONS,
     CameraTransform,
     PlaneTransform,
+    angles_of,
+    as_similarity,
     distorted,
     is_move,
     reach,
+    settled,
     similarity,
+    turned_camera,
     undistorted,
 )
 from toposeam.layers.canvas.transforms import LARGEST_ENLARGEMENT
@@ -244,3 +248,47 @@ def test_reach_has_whole_pixels_within_the_field_of_view(fov):
     low, high = reach(camera("cylinder", fov=fov), SIZE)
     edge = math.floor(300 * math.radians(fov) / 2)
     assert (low[0], high[0]) == (-edge, edge)
+
+
+@pytest.mark.parametrize("angles", [(0, 0, 0), (-179.3, 12.5, 3), (370.1, -88, -170), (10, 90, 0)])
+def test_angles_of_a_camera_give_its_turn(angles):
+    rotation = turned_camera(*angles)
+    assert rotation @ rotation.T == pytest.approx(np.eye(3), abs=1e-12)
+    assert turned_camera(*angles_of(rotation)) == pytest.approx(rotation, abs=1e-9)
+
+
+def test_a_camera_turns_right_then_up_then_clockwise():
+    forward, right = np.array([0.0, 0, 1]), np.array([1.0, 0, 0])
+    assert turned_camera(90, 0, 0) @ forward == pytest.approx([1, 0, 0])
+    assert turned_camera(0, 90, 0) @ forward == pytest.approx([0, -1, 0])
+    assert turned_camera(0, 0, 90) @ right == pytest.approx([0, 1, 0])
+
+
+def test_settled_transforms_are_those_of_their_rounded_numbers():
+    """Settling again changes nothing, not a bit, and the first time hardly anything."""
+    rng = np.random.default_rng(7)
+    spots = grid(SIZE)
+    for _ in range(200):
+        found = similarity(tuple(rng.uniform(-900, 900, 2)), rng.uniform(-180, 180), rng.uniform(0.5, 2))
+        once = settled(found)
+        assert np.array_equal(settled(once).matrix, once.matrix)
+        assert np.abs(once.to_canvas(spots) - found.to_canvas(spots)).max() < 1e-6
+        x, y, turn, scale = as_similarity(once)
+        rounded = similarity((round(x, 6), round(y, 6)), round(turn, 10), round(scale, 12))
+        assert np.array_equal(rounded.matrix, once.matrix)
+        angles = rng.uniform((-180, -89, -180), (180, 89, 180))
+        seen = camera("sphere", tuple(angles))
+        once = settled(seen)
+        assert np.array_equal(settled(once).rotation, once.rotation)
+        assert np.abs(once.rotation - seen.rotation).max() < 1e-11
+        rounded = turned_camera(*(round(angle, 10) for angle in angles_of(once.rotation)))
+        assert np.array_equal(rounded, once.rotation)
+
+
+def test_homographies_are_settled_as_they_are():
+    tilted = PlaneTransform(np.array([[1.1, 0.2, 3.3], [0.1, 0.9, -2], [1e-4, 0, 1 / 3]]))
+    assert settled(tilted) is tilted
+    assert as_similarity(tilted) is None
+    assert as_similarity(camera("flat")) is None
+    move = similarity((0.1 + 0.2, 7))
+    assert settled(move) is move

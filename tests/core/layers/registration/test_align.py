@@ -94,6 +94,10 @@ def test_correlations_are_those_of_what_both_show():
     assert ts.layers.correlations(layers) == {(0, 1): pytest.approx(0.6, abs=0.03)}
     negative = ts.Layer(1 - 0.3 * first)
     assert ts.layers.correlations([layers[0], negative]) == {(0, 1): pytest.approx(-1)}
+    coarse = ts.layers.correlations(layers, block=3)
+    assert coarse == {(0, 1): pytest.approx(0.6, abs=0.1)}
+    assert coarse != ts.layers.correlations(layers)
+    assert ts.layers.correlations(layers, block=100) == {}
     plain = [ts.Layer(np.full((60, 90), value)) for value in (0.2, 0.9)]
     assert ts.layers.correlations([layers[0], *plain]) == {(0, 1): 0, (0, 2): 0}
 

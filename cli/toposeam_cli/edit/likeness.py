@@ -11,7 +11,6 @@ import scipy
 import toposeam as ts
 from toposeam.arrays import Floats, Labels
 from toposeam.layers.canvas.layer import Box
-from toposeam_cli.edit.warm import interfaces
 
 #: Side of the squares, px of the preview, and the mean cost at which the likeness is one half, both as those
 #: of the verdict on a seam.
@@ -56,7 +55,10 @@ class LikenessMap:
         bottom, right = -(-box.bottom // SQUARE_PX), -(-box.right // SQUARE_PX)
         squares = Box(top, left, bottom, right).shared(Box(0, 0, *self.squares.shape))
         whole = Box(*(side * SQUARE_PX for side in squares)).grown(1).shared(labelling.canvas)
-        x, y, _, _, cost = interfaces(labelling, labels, whole)
+        found = list(labelling.interfaces(labels, whole))
+        none = (np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros(0, np.float32))
+        parts = [none, *((x, y, cost) for _, x, y, _, cost in found)]
+        x, y, cost = (np.concatenate(part) for part in zip(*parts, strict=True))
         row, column = y // SQUARE_PX - squares.top, x // SQUARE_PX - squares.left
         height, width = squares.shape
         inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)

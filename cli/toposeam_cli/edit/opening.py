@@ -14,7 +14,6 @@ import numpy as np
 
 import toposeam as ts
 from toposeam.arrays import Labels
-from toposeam.layers.canvas.transforms import Transform
 from toposeam_cli.app.options import taken
 from toposeam_cli.app.registry import load
 from toposeam_cli.edit.preview import ReducedPictures
@@ -43,7 +42,7 @@ class Opened:
     job: PlacedPictures
     joined: ts.layers.Composition
     #: Per picture, from its own pixels to the preview, whose upper left pixel is at 0,0.
-    transforms: tuple[Transform, ...]
+    transforms: tuple[CanvasTransform, ...]
     #: Size of the preview ÷ that of the result.
     scale: float
     #: Whether pictures are blended across the seams.

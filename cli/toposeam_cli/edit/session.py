@@ -17,7 +17,6 @@ from toposeam_cli.edit.likeness import LikenessMap, SeamPlace
 from toposeam_cli.edit.opening import open_work
 from toposeam_cli.edit.strokes import on_canvas, on_picture, without
 from toposeam_cli.edit.things import strokes_of_thing
-from toposeam_cli.edit.warm import Stroke, apply_strokes, recut
 from toposeam_cli.edit.work import Work
 from toposeam_cli.media.layouts.layout import LayoutStroke
 
@@ -43,7 +42,7 @@ class Change:
 class _State:
     """What an undone gesture comes back to."""
 
-    gestures: list[list[Stroke]]
+    gestures: list[list[ts.layers.Stroke]]
     labels: bytes
 
 
@@ -60,12 +59,14 @@ class Session:
         """
         self.work, self.opened = work, open_work(work, progress)
         self.labels: Labels = np.array(self.opened.joined.label_map)
-        self.gestures: list[list[Stroke]] = []
+        self.gestures: list[list[ts.layers.Stroke]] = []
         self.places: list[SeamPlace] = []
         self._first = self.labels.copy()
         self._shown = np.full_like(self.labels, -2)
         self._likeness = LikenessMap(self.labels.shape)
-        self._labelling = self.opened.joined.labelling
+        self._labelling = ts.layers.keep_costs(self.opened.joined.labelling)
+        #: The problem in which the strokes hold that are kept.
+        self._held = self._labelling
         self._past: list[_State] = []
         self._future: list[_State] = []
         self._resume()
@@ -123,7 +124,7 @@ class Session:
         made = self._stroke(stroke)
         if made is None:
             return self._change(self.labels, lost=True)
-        labels, lost = self._solved([*self._strokes(), made], whole=False)
+        labels, lost = self._solved(self._held, [made])
         return self._change(labels, lost=lost)
 
     def paint(self, strokes: Sequence[Mapping[str, Any]]) -> bool:
@@ -135,7 +136,7 @@ class Session:
 
     def erase(self, points: Floats, radius: float) -> bool:
         """Rub out strokes under a stroke of the canvas; False if there are none."""
-        changed, left = False, list[list[Stroke]]()
+        changed, left = False, list[list[ts.layers.Stroke]]()
         for gesture in self.gestures:
             gone = [self._rubbed(stroke, points, radius) for stroke in gesture]
             changed |= any(one.any() for one in gone)
@@ -147,9 +148,10 @@ class Session:
 
     def settle(self) -> Change:
         """Search the whole label map again after a gesture that was kept."""
-        self.labels, lost = self._solved(self._strokes(), whole=True)
+        self._held, lost = self._with_strokes(self._labelling, self._strokes())
+        self.labels = self._recut(self._held, whole=True)
         self._write()
-        return self._change(self.labels, lost=lost)
+        return self._change(self.labels, lost=len(self._strokes()) - 1 in lost)
 
     def undo(self) -> Change:
         """Take the last gesture back."""
@@ -200,17 +202,17 @@ class Session:
                 )
         return found
 
-    def _strokes(self) -> list[Stroke]:
+    def _strokes(self) -> list[ts.layers.Stroke]:
         return [stroke for gesture in self.gestures for stroke in gesture]
 
-    def _stroke(self, stroke: Mapping[str, Any]) -> Stroke | None:
+    def _stroke(self, stroke: Mapping[str, Any]) -> ts.layers.Stroke | None:
         layer = int(stroke["layer"])
         points = np.array(stroke["points"], float)
         return on_picture(
             points, float(stroke["radius"]), layer, self.opened.transforms[layer], stroke["kind"]
         )
 
-    def _rubbed(self, stroke: Stroke, points: Floats, radius: float) -> Mask:
+    def _rubbed(self, stroke: ts.layers.Stroke, points: Floats, radius: float) -> Mask:
         """(n,) bool: which points of a stroke lie under a stroke of the canvas."""
         own, width = on_canvas(stroke, self.opened.transforms[stroke.layer])
         if len(own) != len(stroke.points):
@@ -218,7 +220,7 @@ class Session:
         distance = np.linalg.norm(own[:, np.newaxis] - points[np.newaxis], axis=2).min(axis=1)
         return np.asarray(distance < radius + width / 2)
 
-    def _keep(self, gestures: list[list[Stroke]]) -> None:
+    def _keep(self, gestures: list[list[ts.layers.Stroke]]) -> None:
         self._past.append(_State(self.gestures, zlib.compress(self.labels.tobytes(), 1)))
         self._future.clear()
         self.gestures = gestures
@@ -230,14 +232,26 @@ class Session:
             target.append(_State(self.gestures, zlib.compress(self.labels.tobytes(), 1)))
             self.gestures = state.gestures
             self.labels = _unpacked(state.labels, self.shape)
+            self._held, _ = self._with_strokes(self._labelling, self._strokes())
             self._save()
         return self._change(self.labels)
 
-    def _solved(self, strokes: Sequence[Stroke], *, whole: bool) -> tuple[Labels, bool]:
-        problem, lost = apply_strokes(self._labelling, strokes, self.opened.transforms)
+    def _with_strokes(
+        self, problem: ts.layers.Labelling, strokes: Sequence[ts.layers.Stroke]
+    ) -> tuple[ts.layers.Labelling, tuple[int, ...]]:
+        transforms = [one.whole for one in self.opened.transforms]
+        return ts.layers.apply_strokes(problem, strokes, self.opened.joined.canvas, transforms)
+
+    def _solved(
+        self, problem: ts.layers.Labelling, strokes: Sequence[ts.layers.Stroke]
+    ) -> tuple[Labels, bool]:
+        """Return the labels in a window round strokes on a problem, and whether they change nothing."""
+        asked, lost = self._with_strokes(problem, strokes)
+        return self._recut(asked), bool(lost)
+
+    def _recut(self, problem: ts.layers.Labelling, *, whole: bool = False) -> Labels:
         shows = dataclasses.replace(self.opened.joined.solution, labels=self.labels)
-        found = recut(problem, shows, whole=whole)
-        return np.asarray(found.labels), len(strokes) - 1 in lost
+        return np.asarray(ts.layers.recut(problem, shows, whole=whole).labels)
 
     def _change(self, labels: Labels, *, lost: bool = False) -> Change:
         """Return how labels differ from those that the page shows, and take them as shown."""
@@ -282,7 +296,8 @@ class Session:
         seen = self.opened.labels()
         if seen is not None:
             self.labels = seen
-        self.labels, _ = self._solved(self._strokes(), whole=seen is None)
+        self._held, _ = self._with_strokes(self._labelling, self._strokes())
+        self.labels = self._recut(self._held, whole=seen is None)
 
 
 def _packed(labels: Labels) -> bytes:
@@ -294,7 +309,7 @@ def _unpacked(data: bytes, shape: tuple[int, int]) -> Labels:
     return np.frombuffer(zlib.decompress(data), np.int16).reshape(shape).copy()
 
 
-def _plain(stroke: Stroke) -> dict[str, Any]:
+def _plain(stroke: ts.layers.Stroke) -> dict[str, Any]:
     points = [(x, y) for x, y in np.round(np.asarray(stroke.points, float), 2).tolist()]
     return {
         "kind": stroke.kind,
@@ -304,5 +319,5 @@ def _plain(stroke: Stroke) -> dict[str, Any]:
     }
 
 
-def _of_plain(values: Mapping[str, Any]) -> Stroke:
-    return Stroke(np.array(values["points"], float), values["radius"], values["layer"], values["kind"])
+def _of_plain(values: Mapping[str, Any]) -> ts.layers.Stroke:
+    return ts.layers.Stroke(**values)

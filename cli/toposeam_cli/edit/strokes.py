@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy
 
+import toposeam as ts
 from toposeam.arrays import Floats, Mask
 from toposeam.layers.canvas.transforms import NOWHERE, Transform
-from toposeam_cli.edit.warm import Stroke
 
 #: Points that are farther away than this were not seen by the picture, px.
 _FAR = abs(NOWHERE) / 10
@@ -36,8 +38,8 @@ class CanvasTransform:
 
 
 def on_picture(
-    points: Floats, radius: float, layer: int, transform: Transform, kind: str = "show"
-) -> Stroke | None:
+    points: Floats, radius: float, layer: int, transform: Transform, kind: Any = "show"
+) -> ts.layers.Stroke | None:
     """Return a stroke of the canvas as one of a picture; None where the picture sees none of its points.
 
     Parameters
@@ -54,10 +56,10 @@ def on_picture(
     if not seen.any():
         return None
     there = float(np.median(np.linalg.norm(aside[seen] - at[seen], axis=1)))
-    return Stroke(at[seen] + 0.5, max(there, 0.5), layer, kind)
+    return ts.layers.Stroke(points=at[seen] + 0.5, radius=max(there, 0.5), layer=layer, kind=kind)
 
 
-def on_canvas(stroke: Stroke, transform: Transform) -> tuple[Floats, float]:
+def on_canvas(stroke: ts.layers.Stroke, transform: Transform) -> tuple[Floats, float]:
     """Return the points of a stroke on the canvas, and its radius there, px."""
     centres = np.asarray(stroke.points, float) - 0.5
     at, aside = transform.to_canvas(centres), transform.to_canvas(centres + np.array([stroke.radius, 0.0]))
@@ -85,16 +87,16 @@ def discs_of(mask: Mask) -> list[tuple[float, float, float]]:
     return found
 
 
-def without(strokes: Sequence[Stroke], rubbed: Sequence[Mask]) -> list[Stroke]:
+def without(strokes: Sequence[ts.layers.Stroke], rubbed: Sequence[Mask]) -> list[ts.layers.Stroke]:
     """Return what is left of strokes; `rubbed` says per stroke, (n,) bool, which of its points are gone."""
-    left: list[Stroke] = []
+    left: list[ts.layers.Stroke] = []
     for stroke, gone in zip(strokes, rubbed, strict=True):
         if not gone.any():
             left.append(stroke)
             continue
         runs = np.split(np.arange(len(gone)), np.flatnonzero(np.diff(gone.astype(np.int8))) + 1)
         left += [
-            Stroke(stroke.points[run], stroke.radius, stroke.layer, stroke.kind)
+            dataclasses.replace(stroke, points=stroke.points[run])
             for run in runs
             if len(run) and not gone[run[0]]
         ]

@@ -71,13 +71,13 @@ def strokes_of_thing(
 
 def _blob(differs: np.ndarray, at: tuple[int, int]) -> Mask | None:
     """Find what differs at a point, or the nearest such thing; None if nothing does nearby."""
-    rows, columns = np.indices(differs.shape, sparse=True)
+    rows, columns = np.ogrid[: differs.shape[0], : differs.shape[1]]
     near = (rows - at[0]) ** 2 + (columns - at[1]) ** 2 <= _NEAR_TAP**2
     least = _DIFFERENT
     while True:
         mask = differs > least
         closed = scipy.ndimage.binary_closing(np.pad(mask, 8), iterations=4)[8:-8, 8:-8]
-        piece: np.ndarray = scipy.ndimage.label(closed)[0]
+        piece: np.ndarray = np.asarray(scipy.ndimage.label(closed)[0])
         there = near & (piece > 0)
         if not there.any():
             return None

@@ -227,8 +227,8 @@ def arrange(
 
     With `scratch` the pixels of many pictures, or with `stores` of all, are kept there instead of in memory,
     and an executor may decode several pictures at a time. With `alone` a single picture is accepted, and
-    pictures without a given place lie at 0,0. `finding` has the options of finding places. `lay` lays pictures
-    on the canvas by their transforms, if they are not to be warped at full size.
+    pictures without a given place lie at 0,0. `finding` has the options of finding places. `lay` lays
+    pictures on the canvas by their transforms, if they are not to be warped at full size.
 
     Raises
     ------
@@ -285,7 +285,7 @@ def arrange(
             f"{finding.named[0]} is for places that are found, and here they are given; leave it out"
         )
     else:
-        layers = place(layers, transforms)
+        layers = list(place(layers, transforms))
     if len(layers) == 2 and not alone:
         _check_touching(*layers)
     return replace(

@@ -216,7 +216,7 @@ def test_a_picture_too_large_for_texture_memory_is_refused(folder, photographs, 
         ("deep.toml", "a = " + "[" * 3000 + "]" * 3000, "too deep"),
         ("deep.json", "[" * 100_000, "too deep"),
         ("rather.json", "[" * 40 + "]" * 40, "too deep"),
-        ("long.toml", "#" * (2 * 2**20), "larger than 1 MiB"),
+        ("long.toml", "#" * (5 * 2**20), "larger than {most} MiB"),
         ("latin.toml", b"# \xe9", "not UTF-8 (at line 1)"),
     ],
 )
@@ -228,7 +228,7 @@ def test_tables_with_more_than_anybody_writes(toposeam, folder, photographs, com
     words = ["batch", name] if command == "batch" else ["stitch", name, "-o", "o.png"]
     ran = toposeam(*words)
     ran.is_one_sentence()
-    assert phrase in ran.err
+    assert phrase.replace("{most}", "1" if command == "batch" else "4") in ran.err
 
 
 @pytest.mark.parametrize("number", ["1e308", "1e309", "nan", "0", "-1"])

@@ -23,7 +23,15 @@ from toposeam_cli.stitching.outputs import Outputs, check_outputs, crop_of, numb
 from toposeam_cli.stitching.place_options import FindingOptions, finding_options, kind_of, with_defaults
 from toposeam_cli.stitching.positions import Where, position_options, width_round
 from toposeam_cli.stitching.rendering import render, write
-from toposeam_cli.stitching.report import documents_of, hidden, is_read, line_of_job, misfits, summary_of_job
+from toposeam_cli.stitching.report import (
+    documents_of,
+    hidden,
+    is_read,
+    line_of_job,
+    lost_strokes,
+    misfits,
+    summary_of_job,
+)
 from toposeam_cli.stitching.search_options import (
     Means,
     SeamOptions,
@@ -182,7 +190,9 @@ def _stitch(
             warnings = lost_in_project(job, out.save_layout, painting)
     warnings = [] if out.quiet else warnings + strangers(job, find.of_stitch("wrap"), means.workers)
     composed = join(job, find, out, files, means)
-    warnings += [] if out.quiet else hidden(composed, _remedy_for_hidden(find))
+    painted_on = [stroke.layer for stroke in find.of_stitch("strokes") or ()]
+    if not out.quiet:
+        warnings += hidden(composed, _remedy_for_hidden(find)) + lost_strokes(composed, painted_on)
     with all_or_nothing():
         with share_bar("writing", out.quiet or not job.stored) as progress:
             rendered = render(composed, job, out, crop, means.store, progress, means.workers)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -69,6 +69,11 @@ def _keywords(job: PlacedPictures, find: SeamOptions, out: Outputs) -> dict[str,
         given["start"] = ts.layers.LabelMap(labels=labels, at=at, scale=scale)
     if (avoid := find.of_stitch("avoid")) is not None:
         given["avoid"] = read_avoid(avoid, job.shape, limit)
+    if "strokes" in given:
+        given["strokes"] = [ts.layers.Stroke(**asdict(stroke)) for stroke in given["strokes"]]
+    if "start" in given:
+        label_map, at, scale = given["start"]
+        given["start"] = ts.layers.LabelMap(labels=label_map, at=at, scale=scale)
     if find.use_seam:
         given["use_path"] = given_seams(find.use_seam, job)
     given["max_megapixels"] = max(limit, ts.MAX_PIXELS / 1e6)

@@ -150,6 +150,18 @@ def hidden(composed: ts.layers.Composition, remedy: str) -> list[str]:
     return [f"{', '.join(names)} {do} not show, as others cover {them} and join better without; {remedy}"]
 
 
+def lost_strokes(composed: ts.layers.Composition, painted_on: Sequence[int]) -> list[str]:
+    """Say in a sentence which strokes change nothing, given the number of the layer of each."""
+    lost = composed.solution.lost_strokes
+    if not lost:
+        return []
+    names = ", ".join(dict.fromkeys(composed.names[painted_on[number]] for number in lost))
+    return [
+        f"{counted(len(lost), 'stroke')} on {names} changed nothing, as the picture has no pixels there "
+        "or no other one has; paint where pictures overlap"
+    ]
+
+
 def documents_of(
     rendered: Rendered, job: PlacedPictures, out: Outputs, executor: Executor | None
 ) -> dict[Path, bytes]:

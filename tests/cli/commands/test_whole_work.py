@@ -83,7 +83,8 @@ def again(work, toposeam):
         third = toposeam("stitch", "deep/again.toml", "-o", f"third.{end}", "--save-layout", "third.toml")
         assert third.code == 0, third
         assert made(f"out.{end}") == made(f"deep/again.{end}") == made(f"third.{end}")
-        assert Path("third.toml").read_text() == Path("saved.toml").read_text()
+        text = Path("third.toml").read_text()
+        assert text.replace("third.labels.png", "saved.labels.png") == Path("saved.toml").read_text()
         return Path("saved.toml").read_text()
 
     return run
@@ -384,6 +385,33 @@ def test_labels_are_no_larger_than_memory(work, toposeam, monkeypatch):
     toposeam("stitch", "l.toml", "-o", "out.png").fails("'large.png' is 30 x 40 pixels, more than")
 
 
+@pytest.mark.medium
+def test_strokes_and_labels_make_the_same_bytes_again(work, toposeam, again):
+    """Seen at half the size, and painted on there; saved with the picture, and saved again."""
+    out = "-o", "plain.png", "--labels", "plain.labels.png"
+    assert toposeam("stitch", *PLACED, *out).code == 0
+    shown = np.rint(read_picture(Path("plain.labels.png")).pixels / 127.5).astype(np.int16)
+    Path("half.png").write_bytes(labels_png(shown[::2, ::2], 3))
+    stroke = "\n[[stroke]]\nlayer = 'b.png'\nkind = 'show'\nradius = 4\npoints = [[4, 9], [12, 20]]\n"
+    labels = "\n[labels]\nfile = 'half.png'\nat = [0, 0]\nscale = 2\n"
+    Path("l.toml").write_text(placed_text(stroke, labels))
+    saved = again("l.toml")
+    assert 'file = "saved.labels.png"' in saved
+    assert made("saved.labels.png") == made("deep/again.labels.png") == made("half.png")
+    painted = read_picture(Path("out.png")).pixels
+    np.testing.assert_array_equal(painted[13, 44], crop("b")[9, 4])
+    assert (read_picture(Path("plain.png")).pixels != painted).any()
+
+
+@pytest.mark.medium
+def test_strokes_that_change_nothing_are_told(work, toposeam):
+    stroke = "\n[[stroke]]\nlayer = 'b.png'\nkind = 'show'\nradius = 3\npoints = [[500, 500]]\n"
+    Path("l.toml").write_text(placed_text(stroke))
+    ran = toposeam("stitch", "l.toml", "-o", "out.png")
+    assert ran.code == 0
+    assert "warning: 1 stroke on b.png changed nothing, as the picture has no pixels there" in ran.err
+
+
 #: A stroke with one value changed.
 STRANGE = {
     "layer": (3, "layer is 3; write the name of a layer, or its number from 0 to 2"),
@@ -495,7 +523,7 @@ def test_cameras_are_shown_in_another_projection(work, toposeam):
     toposeam("stitch", "cameras.toml", "--fov", "0.1", *out).fails("the canvas shows nothing of")
 
 
-def test_a_round_canvas_is_cut_open_where_a_view_does_not_go_round(work):
+def test_a_view_that_does_not_go_round_is_cut_open(work):
     asked = inputs.PlaceFinding(options=inputs.PlaceOptions(projection="panini"), named=("--projection",))
     layers = read_layout(Path("cameras.toml")).layers
     sources = [inputs._Source(picture=None, name=one.name, transform=one.transform) for one in layers]

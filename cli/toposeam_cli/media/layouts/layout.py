@@ -68,7 +68,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, Literal, TypeAlias, cast, get_args
+from typing import Any, cast
 
 import numpy as np
 
@@ -86,6 +86,7 @@ from toposeam.layers.canvas.transforms import (
     similarity,
     turned_camera,
 )
+from toposeam.layers.labelling.strokes import KINDS, StrokeKind
 from toposeam_cli.files.regular import real_path
 from toposeam_cli.files.tables import read_table
 
@@ -94,8 +95,6 @@ _KEYS = ("file", "name", "mask", "keep", "visible")
 _PLACE, _MATRIX = ("at", "turn", "scale"), ("matrix",)
 _CAMERA = ("size", "yaw", "pitch", "roll", "focal", "lens", "shift")
 _VIEW = ("projection", "radius", "wrap", "fov")
-#: What a stroke asks for: its picture shows, does not show, or no seam runs there.
-StrokeKind: TypeAlias = Literal["show", "hide", "away"]
 #: Most layers of a layout, as of an OpenRaster file, and most strokes.
 MOST_LAYERS, _MOST_STROKES = 1000, 10_000
 #: Largest layout that is read, bytes: as many strokes as an hour's painting fit.
@@ -306,10 +305,8 @@ def _stroke(where: str, entry: Any, names: Sequence[str]) -> LayoutStroke:
             f"{where}: layer is {layer!r}; write the name of a layer, or its number from 0 to "
             f"{len(names) - 1}"
         )
-    if entry["kind"] not in get_args(StrokeKind):
-        raise ts.OptionError(
-            f"{where}: kind is {entry['kind']!r}; write one of {', '.join(get_args(StrokeKind))}"
-        )
+    if entry["kind"] not in KINDS:
+        raise ts.OptionError(f"{where}: kind is {entry['kind']!r}; write one of {', '.join(KINDS)}")
     points = entry["points"]
     if not isinstance(points, list) or not points:
         raise ts.OptionError(f"{where}: points is {points!r}; write a list of x, y, as [[812.5, 340.0]]")

@@ -25,7 +25,6 @@ from toposeam.layers.canvas.canvas import Canvas
 from toposeam.layers.canvas.layer import MAX_MEGAPIXELS
 from toposeam.layers.execution.tasks import Executor, Progressed, check_executor
 from toposeam.layers.labelling.label_map import LabelMap, Pair
-from toposeam.layers.labelling.strokes import Stroke
 from toposeam.layers.search.options import Effort, SearchOptions, search_options
 from toposeam.seam.find import Method, method_for, method_options, usual_law
 from toposeam.seam.problem.match_cost import MatchCost, match_options
@@ -34,6 +33,7 @@ from toposeam.seam.problem.overlap import check_core
 if TYPE_CHECKING:
     from toposeam.layers.canvas.transforms import Transform
     from toposeam.layers.labelling.problem import Labelling
+    from toposeam.layers.labelling.strokes import Stroke
     from toposeam.layers.search.problem import Problem
     from toposeam.seam.heat.method import HeatOptions
     from toposeam.seam.thesis.options import ThesisOptions
@@ -137,7 +137,10 @@ class StitchOptions:
         check_function("progress", self.progress)
         check_executor(self.executor)
         self._check_give()
-        check_items("strokes", self.strokes, Stroke, "a sequence of Strokes")
+        if self.strokes:
+            from toposeam.layers.labelling.strokes import Stroke  # most pictures need none
+
+            check_items("strokes", self.strokes, Stroke, "a sequence of Strokes")
         check_kind("start", self.start, (LabelMap, type(None)), "a LabelMap or None")
         check_whole("max_rounds", self.max_rounds, 0)
         search_options(self.effort, 0)

@@ -166,7 +166,7 @@ def _divide_pairs(problem: Problem, labels: Labels, near: Mask) -> None:
         box, parts = boxes[k].grown(1), (labelling, labels, near)
         if executor is not None:
             parts = part_of_labelling(labelling, box, pairs[k]), part_of(labels, box), part_of(near, box)
-        return Division(*parts, pairs[k], problem.solver)
+        return *parts, pairs[k], problem.solver
 
     for _, found in on_boxes(executor, divided, item, boxes):
         problem.steps.one()

@@ -131,28 +131,21 @@ def _joined(
     return Band(rows, columns, second, cut)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Division:
-    """A pair of layers to be divided anew, as a task for this process or another one."""
-
-    labelling: Labelling
-    label_map: Labels
-    #: (H, W) bool: the pixels that may change; None for all.
-    near: Mask | None
-    pair: Pair
-    solver: CutSolver
+#: A pair of layers to be divided anew, as a task for this process or another one: the labelling, its (H, W)
+#: label map, the (H, W) mask of pixels that may change or None for all, the pair, and the solver.
+Division = tuple[Labelling, Labels, Mask | None, Pair, CutSolver]
 
 
 def divided(division: Division) -> tuple[Pixels, Labels] | None:
     """Find the cheapest seam of two layers: rows and columns of the pixels that change, and the layers that
     show there from now on. None if no pixel is open.
     """
-    pair = division.pair
-    band = band_of(division.labelling, division.label_map, pair, division.near)
+    labelling, label_map, near, pair, solver = division
+    band = band_of(labelling, label_map, pair, near)
     if band is None:
         return None
     with one_thread():
-        second = band.cut.solve(division.solver, band.second)
+        second = band.cut.solve(solver, band.second)
     gains = band.total(second) < band.total(band.second) * (1 - LEAST_GAIN)
     changed = np.flatnonzero(second != band.second) if gains else np.zeros(0, np.intp)
     pixels = band.rows[changed], band.columns[changed]

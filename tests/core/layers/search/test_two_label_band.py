@@ -6,7 +6,7 @@ import toposeam as ts
 from toposeam.layers.canvas import Box, TileMap
 from toposeam.layers.labelling import Labelling, TableCost, pose_labelling
 from toposeam.layers.search import band_of, costs_at, write_pixels
-from toposeam.layers.search.two_label_band import Division, divided
+from toposeam.layers.search.two_label_band import divided
 from toposeam.seam.cut_solver import CutSolver
 from toposeam.seam.heat import HeatOptions
 
@@ -57,7 +57,7 @@ def test_heat_and_flow_reach_the_same_local_optimum_in_a_band(started, pair):
     options, ends = HeatOptions(tolerance=1e-6), []
     for method in ("heat", "graph-cut"):
         solver = CutSolver(method, options, labelling.forbidden)
-        found = divided(Division(labelling, label_map, near, pair, solver))
+        found = divided((labelling, label_map, near, pair, solver))
         after = label_map.copy()
         write_pixels(after, *found[0], found[1])
         assert (after[~near] == label_map[~near]).all()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -62,11 +61,6 @@ def _keywords(job: PlacedPictures, find: SeamOptions, out: Outputs) -> dict[str,
         given["formulation"] = find.formulation
     if find.law is not None:
         given["cost"] = ts.seam.MatchCost(law=find.law)
-    if "strokes" in given:
-        given["strokes"] = [ts.layers.Stroke(**dataclasses.asdict(one)) for one in given["strokes"]]
-    if "start" in given:
-        labels, at, scale = given["start"]
-        given["start"] = ts.layers.LabelMap(labels=labels, at=at, scale=scale)
     if (avoid := find.of_stitch("avoid")) is not None:
         given["avoid"] = read_avoid(avoid, job.shape, limit)
     if "strokes" in given:

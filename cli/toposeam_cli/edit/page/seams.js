@@ -253,9 +253,10 @@ export class Seams {
   get room() {
     const at = (id, side) => { const box = document.getElementById(id)?.getBoundingClientRect(); return box && box.height ? box[side] : null; };
     const narrow = innerWidth <= 760;
-    const top = narrow ? (at('steps', 'bottom') ?? 0) : Math.max(at('tools', 'bottom') ?? 0, at('steps', 'bottom') ?? 0);
+    const calm = this.panels.places.classList.contains('empty');
+    const top = narrow ? (at('steps', 'bottom') ?? 0) : Math.max(at('tools', 'bottom') ?? 0, (calm ? at('places', 'bottom') : at('steps', 'bottom')) ?? 0);
     const bottom = Math.min(at('strip', 'top') ?? innerHeight, narrow ? at('tools', 'top') ?? innerHeight : innerHeight);
-    const right = narrow || this.panels.places.classList.contains('empty') ? innerWidth : at('places', 'left') ?? innerWidth;
+    const right = narrow || calm ? innerWidth : at('places', 'left') ?? innerWidth;
     const gap = narrow ? 8 : 20, d = devicePixelRatio;
     return { left: gap * d, top: (top + gap) * d, width: Math.max(60, right - 2 * gap) * d, height: Math.max(60, bottom - top - 2 * gap) * d };
   }

@@ -1,6 +1,6 @@
 """Pictures of docs/edit.md, in a headless Chromium: ``python docs/edit_figures.py``.
 
-It needs ``pip install 'toposeam[edit]' playwright`` and the system's Chromium.
+It needs ``pip install '.[cli,edit]' playwright`` and the system's Chromium.
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ def edit(pictures: tuple[Path, ...], output: Path | None, port: int, no_browser:
         from toposeam_cli.edit.server import serve
     except ImportError as error:
         raise ts.OptionError(
-            f"the page needs {error.name}, which is not installed; run pip install 'toposeam[edit]'"
+            f"the page needs {error.name}; install it with: pip install starlette uvicorn websockets"
         ) from error
     from toposeam_cli.edit.work import work_of
 

@@ -2,6 +2,8 @@
 
 import json
 import signal
+import subprocess
+import sys
 
 import pytest
 from edit_pages import (
@@ -244,15 +246,49 @@ def test_settings_join_again_and_keep_strokes(works, layout):
     assert json.loads(work.read_text())["settings"] == {"blend": "feather"}
 
 
-def test_save_where_the_user_said(works, layout, tmp_path):
+@pytest.mark.parametrize("pictures", ["walker", "portrait"])
+def test_what_is_saved_is_what_stitch_makes_of_its_layout(works, layout, tmp_path, pictures):
     output = tmp_path / "all.png"
-    with program(layout, "-o", output, works=works) as (_, address), chromium() as context:
+    given = [layout] if pictures == "walker" else PORTRAIT
+    with program(*given, "-o", output, works=works) as (_, address), chromium() as context:
         page = opened(context, address)
+        push_seam(page, 25)
         page.click("#save")
         until(page, "document.querySelector('#say').className === 'good'")
         assert "all.png" in page.inner_text("#say")
-    assert output.read_bytes()[:4] == b"\x89PNG"
-    assert (tmp_path / "all.toml").exists()
+        page.click("#undo")
+        page.click("#save")  # what was saved before is replaced
+        until(page, "document.querySelector('#say').className === 'good'")
+        page.click("#redo")
+        until(page, "document.querySelector('#redo').disabled")
+        page.click("#save")
+        until(page, "document.querySelector('#save').classList.contains('busy')")
+        until(page, "!document.querySelector('#save').classList.contains('busy')")
+    words = [sys.executable, "-m", "toposeam", "stitch", tmp_path / "all.toml", "-o", tmp_path / "again.png"]
+    subprocess.run(words, check=True)
+    assert (tmp_path / "again.png").read_bytes() == output.read_bytes()
+    assert "[[stroke]]" in (tmp_path / "all.toml").read_text()
+
+
+def test_a_save_is_cancelled_and_a_full_disk_is_said(works, layout, tmp_path):
+    folder = tmp_path / "out"
+    folder.mkdir()
+    with program(layout, "-o", folder / "all.png", works=works) as (_, address), chromium() as context:
+        page = opened(context, address)
+        push_seam(page, 25)
+        page.click("#save")
+        page.click("#cancel")
+        until(page, "!document.querySelector('#save').classList.contains('busy')")
+        assert list(folder.iterdir()) == []
+        folder.rmdir()  # as if its disk were gone
+        page.click("#save")
+        until(page, "document.querySelector('#say').className === 'bad'")
+        assert "all.png" in page.inner_text("#say")
+        assert page.is_enabled("#undo")
+        folder.mkdir()
+        page.click("#save")
+        until(page, "document.querySelector('#say').className === 'good'")
+    assert (folder / "all.png").exists()
 
 
 def test_pictures_that_do_not_fit_are_one_sentence(works, tmp_path):

@@ -172,7 +172,8 @@ def test_narrow_and_large_screens(works, layout):
                     assert bottom <= height
                 small = page.evaluate(
                     "[...document.querySelectorAll('#tools button, #steps button')]"
-                    ".filter(e => e.offsetHeight).filter(e => e.offsetHeight < 44 || e.offsetWidth < 44).map(e => e.id)"
+                    ".filter(e => e.offsetHeight && Math.min(e.offsetHeight, e.offsetWidth) < 44)"
+                    ".map(e => e.id)"
                 )
                 assert small == []
                 push_seam(page, 20)

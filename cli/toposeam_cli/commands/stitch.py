@@ -181,18 +181,12 @@ def _stitch(
         check_pairs(job.layers)
     documents, warnings = dict[Path, bytes](), list[str]()
     if layout is not None or out.save_layout is not None:
-        from toposeam_cli.stitching.saved_layout import lost_in_project, painted, saved_layout
-
-        painting = {} if layout is None else painted(layout, job, find)
-        find = find.with_stitch(**painting)
-        if out.save_layout is not None:
-            documents = saved_layout(job, unaligned, out.save_layout, kind, painting)
-            warnings = lost_in_project(job, out.save_layout, painting)
+        find, documents, warnings = _by_layout(layout, (job, unaligned), find, out.save_layout, kind)
     warnings = [] if out.quiet else warnings + strangers(job, find.of_stitch("wrap"), means.workers)
     composed = join(job, find, out, files, means)
-    painted_on = [stroke.layer for stroke in find.of_stitch("strokes") or ()]
     if not out.quiet:
-        warnings += hidden(composed, _remedy_for_hidden(find)) + lost_strokes(composed, painted_on)
+        warnings += hidden(composed, _remedy_for_hidden(find))
+        warnings += lost_strokes(composed, find.of_stitch("strokes"))
     with all_or_nothing():
         with share_bar("writing", out.quiet or not job.stored) as progress:
             rendered = render(composed, job, out, crop, means.store, progress, means.workers)
@@ -209,6 +203,25 @@ def _stitch(
     for warning in warnings:
         click.echo(f"warning: {warning}", err=True)
     return job, report
+
+
+def _by_layout(
+    layout: Layout | None,
+    jobs: tuple[PlacedPictures, PlacedPictures],
+    find: SeamOptions,
+    saved: Path | None,
+    kind: str,
+) -> tuple[SeamOptions, dict[Path, bytes], list[str]]:
+    """Return the options with what a layout has painted, the files of the one to be saved, and what it
+    cannot hold; `jobs` are the pictures as they are joined, and before they were aligned.
+    """
+    from toposeam_cli.stitching.saved_layout import lost_in_project, painted, saved_layout
+
+    painting = {} if layout is None else painted(layout, jobs[0], find)
+    find = find.with_stitch(**painting)
+    if saved is None:
+        return find, {}, []
+    return find, saved_layout(*jobs, saved, kind, painting), lost_in_project(jobs[0], saved, painting)
 
 
 def _check_pictures(job: PlacedPictures, find: SeamOptions, out: Outputs) -> None:

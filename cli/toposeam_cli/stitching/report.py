@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
@@ -23,6 +23,9 @@ from toposeam_cli.stitching.inputs import PlacedPictures
 from toposeam_cli.stitching.outputs import Outputs
 from toposeam_cli.stitching.rendering import Rendered
 from toposeam_cli.stitching.search_options import correlations
+
+if TYPE_CHECKING:
+    from toposeam_cli.media.layouts.layout import LayoutStroke
 
 #: Residual, px, above which a pair of pictures is reported, as a step of 2 px in an edge is visible; and the
 #: largest number of pairs that are named.
@@ -150,12 +153,12 @@ def hidden(composed: ts.layers.Composition, remedy: str) -> list[str]:
     return [f"{', '.join(names)} {do} not show, as others cover {them} and join better without; {remedy}"]
 
 
-def lost_strokes(composed: ts.layers.Composition, painted_on: Sequence[int]) -> list[str]:
-    """Say in a sentence which strokes change nothing, given the number of the layer of each."""
+def lost_strokes(composed: ts.layers.Composition, strokes: Sequence[LayoutStroke] | None) -> list[str]:
+    """Say in a sentence which of the strokes change nothing."""
     lost = composed.solution.lost_strokes
-    if not lost:
+    if not lost or strokes is None:
         return []
-    names = ", ".join(dict.fromkeys(composed.names[painted_on[number]] for number in lost))
+    names = ", ".join(dict.fromkeys(composed.names[strokes[number].layer] for number in lost))
     return [
         f"{counted(len(lost), 'stroke')} on {names} changed nothing, as the picture has no pixels there "
         "or no other one has; paint where pictures overlap"

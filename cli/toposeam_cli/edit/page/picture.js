@@ -54,7 +54,8 @@ void main() {
   result = vec4(0);
   if (any(lessThan(c, vec2(0))) || any(greaterThanEqual(c, whole))) return;
   int k = label(c);
-  vec4 shown = k < 0 ? vec4(0) : vec4(texture(picture, c / whole).rgb, 1);
+  vec4 own = texture(picture, c / whole); // 0 where nothing is, which must not darken the rim
+  vec4 shown = k < 0 ? vec4(0) : vec4(own.rgb / max(own.a, .01), 1);
   if (tint >= 0 && k != tint) shown.rgb = mix(vec3(dot(shown.rgb, vec3(.3, .6, .1))), shown.rgb, .25) * .6;
   if (lens.w >= 0.) {
     float inside = 1. - smoothstep(lens.z - 10. / cam.z, lens.z, distance(c, lens.xy));
@@ -202,8 +203,15 @@ export class Picture {
   // Puts core's own blend of a box over the one of the shader.
   async overlay([top, left], block) {
     const gl = this.gl, image = await createImageBitmap(new Blob([block], { type: 'image/jpeg' }));
+    const { width, height } = image, canvas = new OffscreenCanvas(width, height), pen = canvas.getContext('2d');
+    pen.drawImage(image, 0, 0);
+    const { data } = pen.getImageData(0, 0, width, height);
+    for (let row = 0, k = 0; row < height; row++) {
+      const start = (top + row) * this.width + left;
+      for (let column = 0; column < width; column++, k += 4) if (!this.labels[start + column]) data.fill(0, k, k + 4);
+    }
     gl.activeTexture(gl.TEXTURE3);
-    gl.texSubImage2D(gl.TEXTURE_2D, 0, left, top, gl.RGBA, gl.UNSIGNED_BYTE, image);
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, left, top, width, height, gl.RGBA, gl.UNSIGNED_BYTE, data);
     this.stale = true;
   }
 

@@ -14,6 +14,8 @@ import numpy as np
 
 import toposeam as ts
 from toposeam.arrays import Labels
+from toposeam.layers.blending.blend import blending_of
+from toposeam.layers.canvas.layer import Box
 from toposeam_cli.app.options import taken
 from toposeam_cli.app.registry import load
 from toposeam_cli.edit.preview import ReducedPictures
@@ -65,6 +67,14 @@ class Opened:
             return None
         fits = found.shape == own.shape and bool(((found < 0) == (own < 0)).all())
         return found.astype(np.int16) if fits else None
+
+    def blended(self, labels: Labels, box: Box) -> np.ndarray:
+        """Return the pixels of a box of the preview, joined by a label map and blended."""
+        solution = dataclasses.replace(self.joined.solution, labels=labels)
+        shown = dataclasses.replace(self.joined, solution=solution)
+        if shown.blending.needs_potential:
+            shown = dataclasses.replace(shown, blending=blending_of(shown.blending.without_potential, None))
+        return np.asarray(shown.window(box.slices[0], box.slices[1])[0])
 
     def write(self, path: Path, strokes: Sequence[LayoutStroke], labels: Labels) -> None:
         """Write the work as a layout for ``toposeam stitch``, and its labels beside it.

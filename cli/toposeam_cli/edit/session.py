@@ -178,13 +178,7 @@ class Session:
 
     def blended(self, box: Box) -> np.ndarray:
         """Return the pixels of a box of the canvas as they are joined."""
-        solution = dataclasses.replace(self.opened.joined.solution, labels=self.labels)
-        shown = dataclasses.replace(self.opened.joined, solution=solution)
-        if shown.blending.needs_potential:
-            from toposeam.layers.blending.blend import blending_of
-
-            shown = dataclasses.replace(shown, blending=blending_of(shown.blending.without_potential, None))
-        return np.asarray(shown.window(box.slices[0], box.slices[1])[0])
+        return self.opened.blended(self.labels, box)
 
     def drawn(self) -> list[dict[str, Any]]:
         """Return the strokes as they lie on the canvas, to be drawn."""

@@ -326,7 +326,7 @@ def test_pictures_that_do_not_belong_together(tmp_path, works):
 
 
 @pytest.mark.slow
-def test_the_program_prints_its_address_and_ends_with_nothing_left(tmp_path):
+def test_the_program_ends_with_nothing_left(tmp_path):
     works = tmp_path / "works"
     layout = walker_pictures(tmp_path)
     with program(layout, works=works) as (running, address):

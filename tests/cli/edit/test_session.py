@@ -191,6 +191,18 @@ def test_strokes_survive_another_blend(session):
     assert again.labels[60, 160] == other
 
 
+@pytest.mark.medium
+@pytest.mark.parametrize("blend", ["none", "soft", "gradient"])
+def test_windows_in_every_kind_of_blend(session, blend):
+    session.work.settings = {"blend": blend}
+    again = Session(session.work)
+    other = 1 - int(again.labels[60, 160])
+    again.paint([show(other, 160.0, 60.0)])
+    again.settle()
+    assert again.blended(Box(50, 140, 70, 180)).shape == (20, 40, 3)
+    assert again.scene()["blends"] == (blend != "none")
+
+
 def test_too_many_pictures_are_refused():
     from toposeam_cli.edit.opening import check_count
 

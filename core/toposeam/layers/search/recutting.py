@@ -72,8 +72,8 @@ def recut(
     label_map : LabelMap
         Its solution so far; it is not changed.
     opened : (H, W) bool array, optional
-        The pixels that may change. By default a window round the pixels that show a layer which is not
-        allowed there, or not the `fixed` one.
+        The pixels that may change. By default a window round the pixels that do not show the `fixed` layer,
+        or, without `fixed`, that show one which is not allowed there.
     fixed : (H, W) int16 array, optional
         The number of the layer that must show, -1 where any may; ignored at pixels that are not open. A layer
         must have pixels where it is fixed.
@@ -170,8 +170,12 @@ def _from_coarse(problem: Problem, start: Labels) -> Labels:
 
 
 def _wrong(labelling: Labelling, labels: Labels, fixed: Labels | None) -> Mask:
-    """(H, W) bool: pixels that show a layer which is not allowed there, or not the fixed one."""
-    wrong: Mask = new_map(labels.shape, False, bool)
+    """(H, W) bool: pixels that do not show the fixed layer, or, without it, show one that is not allowed."""
+    wrong: Mask
+    if fixed is not None:
+        wrong = (fixed >= 0) & (labels[:, :] != fixed)
+        return wrong
+    wrong = new_map(labels.shape, False, bool)
     for index, place in enumerate(labelling.places):
         for box in blocks(place.shared(labelling.canvas)):
             if uniform(labelling.allowed[index], box.moved(-place.top, -place.left)):
@@ -179,8 +183,6 @@ def _wrong(labelling: Labelling, labels: Labels, fixed: Labels | None) -> Mask:
             here = (labels[box.slices] == index) & ~labelling.allowed_in(index, box)
             if here.any():
                 wrong[box.slices] = wrong[box.slices] | here
-    if fixed is not None:
-        wrong[:, :] = wrong[:, :] | ((fixed >= 0) & (labels[:, :] != fixed))
     return wrong
 
 

@@ -82,6 +82,18 @@ def test_nothing_to_be_done_is_nothing_changed(joined):
     assert ts.layers.recut(joined.labelling, joined.solution) is joined.solution
 
 
+def test_fixed_layers_that_show_already_change_nothing(joined):
+    """Even where the label map shows what the problem does not allow, as masks that were painted may."""
+    painted = np.array(joined.label_map)
+    y, x = 150, 200
+    painted[y, x] = next(k for k in range(4) if k != painted[y, x])
+    asked, _ = apply_strokes(joined.labelling, [drawn(joined, 0)], joined.canvas)
+    solution = dataclasses.replace(joined.solution, labels=painted)
+    fixed = np.full(painted.shape, -1, np.int16)
+    fixed[y, x] = painted[y, x]
+    assert ts.layers.recut(asked, solution, fixed=fixed) is solution
+
+
 def test_kept_costs_are_the_costs(joined):
     kept = keep_costs(joined.labelling)
     box = kept.canvas

@@ -5,6 +5,7 @@ import zipfile
 import numpy as np
 import pytest
 from edit_pages import walker_pictures
+from PIL import Image
 
 import toposeam as ts
 from toposeam.layers.canvas.layer import Box
@@ -201,6 +202,24 @@ def test_windows_in_every_kind_of_blend(session, blend):
     again.settle()
     assert again.blended(Box(50, 140, 70, 180)).shape == (20, 40, 3)
     assert again.scene()["blends"] == (blend != "none")
+
+
+def test_a_canvas_that_goes_all_the_way_round(tmp_path, works):
+    rng = np.random.default_rng(0)
+    small = Image.fromarray(rng.integers(40, 220, (12, 40, 3), np.uint8))
+    turn = np.tile(np.asarray(small.resize((400, 120), Image.Resampling.BICUBIC)), (1, 2, 1))
+    text = '[view]\nprojection = "sphere"\nradius = 1.0\nwrap = 400\n'
+    for number, left in enumerate((0, 120, 250)):
+        Image.fromarray(turn[:, left : left + 190]).save(tmp_path / f"{number}.png")
+        text += f'\n[[layer]]\nfile = "{number}.png"\nat = [{left}, 0]\n'
+    (tmp_path / "round.toml").write_text(text)
+    session = Session(work_of([tmp_path / "round.toml"]))
+    assert session.scene()["round"]
+    other = 2 - int(session.labels[60, 20])  # pictures 0 and 2 lie there, the last beyond the right edge
+    session.paint([show(other, 20.0, 60.0, 5)])
+    session.settle()
+    assert session.labels[60, 20] == other
+    np.testing.assert_array_equal(Session(session.work).labels, session.labels)
 
 
 def test_too_many_pictures_are_refused():

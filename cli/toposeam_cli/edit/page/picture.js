@@ -78,6 +78,7 @@ export class Picture {
     [this.height, this.width] = scene.shape;
     this.layers = scene.layers;
     this.blends = scene.blends;
+    this.opacity = []; // of each picture, at a small size
     this.labels = new Uint8Array(this.width * this.height);
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
     gl.bindVertexArray(gl.createVertexArray());
@@ -97,6 +98,9 @@ export class Picture {
     gl.texStorage3D(gl.TEXTURE_2D_ARRAY, 3, gl.RGBA8, this.low[0] / LOW, this.low[1] / LOW, images.length);
     for (const [k, image] of images.entries()) {
       const small = await createImageBitmap(image, 0, 0, this.low[0], this.low[1], { resizeWidth: this.low[0] / LOW, resizeHeight: this.low[1] / LOW, resizeQuality: 'medium', premultiplyAlpha: 'premultiply' });
+      const pen = new OffscreenCanvas(small.width, small.height).getContext('2d');
+      pen.drawImage(small, 0, 0);
+      this.opacity.push(pen.getImageData(0, 0, small.width, small.height));
       gl.activeTexture(gl.TEXTURE1);
       gl.texSubImage3D(gl.TEXTURE_2D_ARRAY, 0, 0, 0, k, small.width, small.height, 1, gl.RGBA, gl.UNSIGNED_BYTE, small);
     }
@@ -259,6 +263,8 @@ export class Picture {
 
   covers(k, x, y) {
     const [left, top, width, height] = this.layers[k].box;
-    return x >= left && y >= top && x < left + width && y < top + height;
+    if (x < left || y < top || x >= left + width || y >= top + height) return false;
+    const small = this.opacity[k];
+    return small.data[4 * (Math.floor((y - top) / LOW) * small.width + Math.floor((x - left) / LOW)) + 3] > 127;
   }
 }

@@ -52,6 +52,11 @@ SCRIPTS: dict[str, tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = {
         ("docs/pattern_cases.py", "docs/make_pattern_figures.py"),
     ),
     "volume_figures.py": (("loop-*", "surface-*", "volume-*"), (), ("samples/clips.py",)),
+    "edit_figures.py": (
+        ("edit-*",),
+        (),
+        ("samples/portrait_left.jpg", "samples/portrait_right.jpg"),
+    ),
     "stitching_figures.py": (("stitching-*",), ("seam", "three layers"), ()),
     "picture_page.py": (
         ("page-*",),

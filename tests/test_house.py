@@ -87,6 +87,14 @@ ARROWS = {
         "toposeam_cli.jobs",
         "toposeam_cli.media",
     },
+    "toposeam_cli.edit": CLI_CORE
+    | {
+        "toposeam.layers",
+        "toposeam_cli.app",
+        "toposeam_cli.files",
+        "toposeam_cli.media",
+        "toposeam_cli.stitching",
+    },
     "toposeam_cli.textures": CLI_CORE | {"toposeam_cli.app", "toposeam_cli.files", "toposeam_cli.media"},
     "toposeam_cli.motifs": CLI_CORE
     | {

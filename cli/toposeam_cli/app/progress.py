@@ -8,7 +8,9 @@ import shutil
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from datetime import timedelta
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -21,6 +23,9 @@ if TYPE_CHECKING:
 #: Columns of a bar, and steps from its beginning to its end.
 _WIDTH = 30
 _STEPS = 1000
+
+#: Takes the label and share of work in place of a bar.
+_listener: ContextVar[Callable[[str, float], None] | None] = ContextVar("_listener", default=None)
 
 
 def say(text: str, *, err: bool = False, lines: bool = False, nl: bool = True) -> None:
@@ -121,6 +126,10 @@ def share_bar(label: str, quiet: bool) -> Iterator[Callable[[float], None] | Non
     """Show a bar on a terminal during the block, for work that reports its share done, in [0, 1]; yield None
     in a pipe.
     """
+    listener = _listener.get()
+    if listener is not None:
+        yield partial(listener, label)
+        return
     if quiet or not _on_terminal():
         yield None
         return
@@ -131,6 +140,16 @@ def share_bar(label: str, quiet: bool) -> Iterator[Callable[[float], None] | Non
         bar.update(_STEPS - bar.pos)
     finally:
         bar.render_finish()
+
+
+@contextmanager
+def listening(listener: Callable[[str, float], None]) -> Iterator[None]:
+    """Call a function with the label and share of all work that would show a bar, during the block."""
+    token = _listener.set(listener)
+    try:
+        yield
+    finally:
+        _listener.reset(token)
 
 
 def _on_terminal() -> bool:

@@ -24,7 +24,7 @@ from toposeam.layers.canvas.transforms import (
 )
 from toposeam.layers.execution.tasks import Executor, results
 from toposeam.layers.labelling import check_pairs
-from toposeam.layers.registration.find_places import PlaceOptions, among, found_places
+from toposeam.layers.registration.find_places import PlaceOptions, Places, among, found_places
 from toposeam_cli.app.options import Keyed
 from toposeam_cli.files.regular import check_pattern
 from toposeam_cli.media.pictures.decode import check_together, size_of
@@ -230,12 +230,14 @@ def arrange(
     executor: Executor | None = None,
     stores: bool = False,
     finding: PlaceFinding | None = None,
+    lay: Places | None = None,
 ) -> PlacedPictures:
     """Read pictures, or the layers of one OpenRaster file or layout, and place them.
 
     With `scratch` the pixels of many pictures, or with `stores` of all, are kept there instead of in memory,
     and an executor may decode several pictures at a time. With `alone` a single picture is accepted, and
-    pictures without a given place lie at 0,0. `finding` has the options of finding places.
+    pictures without a given place lie at 0,0. `finding` has the options of finding places. `lay` lays
+    pictures on the canvas by their transforms, if they are not to be warped at full size.
 
     Raises
     ------
@@ -268,7 +270,7 @@ def arrange(
     sources = _with_masks(named, sources, masks, keeps)
     layers = _masked(named.layers, sources, limit)
     most = canvas_megapixels(max_megapixels)
-    place = partial(placed_layers, scratch=kept, executor=executor, max_megapixels=most)
+    place: Places = lay or partial(placed_layers, scratch=kept, executor=executor, max_megapixels=most)
     placement = None
     other_groups: tuple[tuple[Path, ...], ...] = ()
     if not transforms:
@@ -292,7 +294,7 @@ def arrange(
             f"{finding.named[0]} is for places that are found, and here they are given; leave it out"
         )
     else:
-        layers = place(layers, transforms)
+        layers = list(place(layers, transforms))
     if len(layers) == 2 and not alone:
         _check_touching(*layers)
     return replace(

@@ -3,7 +3,7 @@ from .alignments import cheapest
 from .bundle_adjustment import adjust_cameras, adjust_plane, left_over
 from .consensus import evidence_of, without_contradictions
 from .features import find_features
-from .find_places import PlaceOptions, among, found_places
+from .find_places import PlaceOptions, Places, among, found_places
 from .homography import applied
 from .pair_matching import Match
 from .perspective import View, camera_transforms, plane_transforms
@@ -16,6 +16,7 @@ __all__ = [
     "Match",
     "PlaceOptions",
     "Placement",
+    "Places",
     "Residual",
     "View",
     "adjust_cameras",

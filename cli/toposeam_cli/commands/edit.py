@@ -1,0 +1,53 @@
+"""``toposeam edit``: a page in the browser where the seam moves under the brush."""
+
+from __future__ import annotations
+
+import webbrowser
+from pathlib import Path
+
+import click
+
+import toposeam as ts
+from toposeam_cli.app.command import Command
+from toposeam_cli.app.options import FILE, OUTPUT, force_option
+from toposeam_cli.files.writing import PICTURE_SUFFIXES, check_output
+
+
+@click.command(cls=Command)
+@click.argument("pictures", metavar="[PICTURE]...", type=FILE, nargs=-1)
+@click.option("-o", "--output", type=OUTPUT, help="Where Save writes; by default the browser downloads it.")
+@click.option(
+    "--port", type=click.IntRange(0, 65535), default=0, help="Of the address; any that is free by default."
+)
+@click.option("--no-browser", is_flag=True, help="Print the address and wait; open it yourself.")
+@force_option
+def edit(pictures: tuple[Path, ...], output: Path | None, port: int, no_browser: bool, force: bool) -> None:
+    """Join pictures on a page in the browser, where seams move under the brush.
+
+    PICTUREs are photographs, or a layout (.toml, .json), a Hugin project (.pto) or an OpenRaster file (.ora);
+    without any, drop them on the page. Press on what you want more of and drag it over what you do not want.
+
+    \b
+    toposeam edit *.jpg -o all.jpg
+    toposeam edit placed.toml
+    """  # noqa: D301 - click wants the character
+    if output is not None:
+        check_output(output, force, (*PICTURE_SUFFIXES, ".ora"))
+    try:
+        from toposeam_cli.edit.server import serve
+    except ImportError as error:
+        raise ts.OptionError(
+            f"the page needs {error.name}; install it with: pip install starlette uvicorn websockets"
+        ) from error
+    from toposeam_cli.edit.work import work_of
+
+    def opened(address: str) -> None:
+        click.echo(address)
+        if not no_browser:
+            click.echo("Ctrl-C ends it; strokes are kept.", err=True)
+            webbrowser.open(address)
+
+    try:
+        serve(work_of(pictures), output, port, opened)
+    except OSError as error:
+        raise ts.OptionError(f"port {port} cannot be used ({error.strerror}); leave --port out") from error

@@ -1,0 +1,97 @@
+"""How alike two pictures are along their seams, by squares, and the worst places."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import scipy
+
+import toposeam as ts
+from toposeam.arrays import Floats, Labels
+from toposeam.layers.canvas.layer import Box
+
+#: Side of the squares, px of the preview, and the mean cost at which the likeness is one half, both as those
+#: of the verdict on a seam.
+SQUARE_PX, _HALF_COST = 16, 18.0
+#: Below this likeness a place is one of the worst; from this one on, it no longer shows.
+BAD, GOOD = 0.5, 0.55
+#: Most places that are listed, and how far apart they lie, px of the preview.
+_MOST_PLACES, _APART_PX = 8, 80.0
+#: A place that was listed is looked for again so far round it, px.
+_NEARBY_PX = 40.0
+#: The likeness of a square without a seam.
+_NONE = 255
+
+
+@dataclass(slots=True)
+class SeamPlace:
+    """One of the worst places along the seams."""
+
+    x: float
+    y: float
+    #: In [0, 1].
+    likeness: float
+
+    @property
+    def done(self) -> bool:
+        """True if the seam no longer shows there."""
+        return self.likeness >= GOOD
+
+
+class LikenessMap:
+    """The likeness along the seams of a canvas, by squares: 0 to 254, and 255 where no seam runs."""
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        self.squares: npt.NDArray[np.uint8] = np.full(
+            (-(-shape[0] // SQUARE_PX), -(-shape[1] // SQUARE_PX)), _NONE, np.uint8
+        )
+        self._sums = np.zeros((3, *self.squares.shape))
+
+    def update(self, labelling: ts.layers.Labelling, labels: Labels, box: Box) -> Box:
+        """Compute the squares that a box of the canvas touches; return their box, counted in squares."""
+        top, left = box.top // SQUARE_PX, box.left // SQUARE_PX
+        bottom, right = -(-box.bottom // SQUARE_PX), -(-box.right // SQUARE_PX)
+        squares = Box(top, left, bottom, right).shared(Box(0, 0, *self.squares.shape))
+        whole = Box(*(side * SQUARE_PX for side in squares)).grown(1).shared(labelling.canvas)
+        found = list(labelling.interfaces(labels, whole))
+        none = (np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros(0, np.float32))
+        parts = [none, *((x, y, cost) for _, x, y, _, cost in found)]
+        x, y, cost = (np.concatenate(part) for part in zip(*parts, strict=True))
+        row, column = y // SQUARE_PX - squares.top, x // SQUARE_PX - squares.left
+        height, width = squares.shape
+        inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
+        number = (row * width + column)[inside]
+        sums = self._sums[(slice(None), *squares.slices)]
+        for at, values in enumerate((None, x, y)):
+            weights = None if values is None else values[inside]
+            sums[at] = np.bincount(number, weights, height * width).reshape(height, width)
+        total = np.bincount(number, cost[inside], height * width).reshape(height, width)
+        count = sums[0]
+        likeness = 1 / (1 + total / np.maximum(count, 1) / _HALF_COST)
+        self.squares[squares.slices] = np.where(count > 0, np.rint(254 * likeness), _NONE)
+        return squares
+
+    def worst(self, known: list[SeamPlace]) -> list[SeamPlace]:
+        """Return the places that were listed, with their likeness now, and new ones that are bad."""
+        count, x, y = self._sums
+        like = scipy.ndimage.uniform_filter(np.where(count > 0, self.squares / 254.0, 0) * count, 2)
+        like /= np.maximum(scipy.ndimage.uniform_filter(count, 2), 1e-9)
+        rows, columns = np.nonzero(count >= 4)
+        likeness = like[rows, columns]
+        at = np.stack([x[rows, columns], y[rows, columns]], axis=1) / count[rows, columns][:, np.newaxis]
+        places: list[SeamPlace] = []
+        for place in known:
+            near = np.linalg.norm(at - (place.x, place.y), axis=1) < _NEARBY_PX
+            places.append(SeamPlace(place.x, place.y, float(likeness[near].min()) if near.any() else 1.0))
+        for k in np.argsort(likeness):
+            if likeness[k] >= BAD or sum(not place.done for place in places) >= _MOST_PLACES:
+                break
+            if all(_apart(at[k], place) for place in places):
+                places.append(SeamPlace(float(at[k, 0]), float(at[k, 1]), float(likeness[k])))
+        return places[-2 * _MOST_PLACES :]
+
+
+def _apart(at: Floats, place: SeamPlace) -> bool:
+    return bool(np.hypot(at[0] - place.x, at[1] - place.y) > _APART_PX)

@@ -1,0 +1,131 @@
+"""What page and server say to each other: JSON from the page, JSON with blocks of bytes to it."""
+
+from __future__ import annotations
+
+import json
+import math
+import struct
+from collections.abc import Callable, Sequence
+from typing import Any
+
+#: Longest message from a page, bytes, and most points of a stroke.
+LONGEST, _MOST_POINTS = 1 << 18, 4096
+#: Largest radius and distance, px of the preview.
+_FARTHEST = 1e5
+_KINDS = ("show", "hide", "away")
+FORMATS = ("jpg", "png", "tif", "webp", "ora")
+#: Settings that a page may choose, and their values.
+SETTINGS: dict[str, tuple[str, ...]] = {
+    "model": ("auto", "shift", "similarity", "plane", "rotation"),
+    "projection": ("auto", "flat", "cylinder", "sphere", "panini"),
+    "level": ("yes", "no"),
+    "blend": ("none", "feather", "soft", "multiband", "gradient"),
+    "tones": ("none", "gains", "shading"),
+    "crop": ("inside", "outside"),
+}
+
+
+class MessageError(ValueError):
+    """A message that no page of ours sends."""
+
+
+def packed(kind: str, head: dict[str, Any], blocks: Sequence[bytes] = ()) -> bytes:
+    """Return a message to the page: the length of the JSON, the JSON, and the blocks that it counts."""
+    text = json.dumps({**head, "kind": kind, "sizes": [len(block) for block in blocks]}).encode()
+    return struct.pack("<I", len(text)) + text + b"".join(blocks)
+
+
+def parsed(text: str) -> dict[str, Any]:
+    """Return a message of the page with only the values it may have.
+
+    Raises
+    ------
+    MessageError
+        For anything else.
+    """
+    if len(text) > LONGEST:
+        raise MessageError("too long")
+    try:
+        message = json.loads(text)
+        return _MEANINGS[message["kind"]](message) | {"kind": message["kind"]}
+    except (ValueError, KeyError, TypeError, RecursionError, OverflowError) as error:
+        raise MessageError(str(error)) from error
+
+
+def _stroke(message: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "id": _whole(message["id"]),
+        "done": message["done"] is True,
+        "stroke": {
+            "kind": _one_of(message["stroke"], _KINDS),
+            "layer": _whole(message["layer"]),
+            **_line(message),
+        },
+    }
+
+
+def _line(message: dict[str, Any]) -> dict[str, Any]:
+    points = message["points"]
+    if not isinstance(points, list) or not 0 < len(points) <= _MOST_POINTS:
+        raise MessageError("points")
+    pairs = [[_number(value) for value in point] for point in points]
+    if any(len(pair) != 2 for pair in pairs):
+        raise MessageError("points")
+    radius = _number(message["radius"])
+    if radius <= 0:
+        raise MessageError("radius")
+    return {"points": pairs, "radius": radius}
+
+
+def _point(message: dict[str, Any]) -> dict[str, Any]:
+    return {"x": _number(message["x"]), "y": _number(message["y"])}
+
+
+def _settings(message: dict[str, Any]) -> dict[str, Any]:
+    given = message["settings"]
+    return {"settings": {name: _one_of(given[name], SETTINGS[name]) for name in given}}
+
+
+def _number(value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise MessageError("number")
+    if abs(value) > _FARTHEST:
+        raise MessageError("number")
+    return float(value)
+
+
+def _whole(value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < 2**31:
+        raise MessageError("whole number")
+    return value
+
+
+def _one_of(value: Any, known: Sequence[str]) -> str:
+    if value not in known:
+        raise MessageError("choice")
+    return str(value)
+
+
+def _nothing(message: dict[str, Any]) -> dict[str, Any]:
+    return {}
+
+
+_MEANINGS: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
+    "stroke": _stroke,
+    "erase": _line,
+    "undo": _nothing,
+    "redo": _nothing,
+    "refresh": _nothing,
+    "take": lambda message: {**_point(message), "layer": _whole(message["layer"])},
+    "other": _point,
+    "blend": lambda message: {"box": [_whole(value) for value in message["box"]][:4]},
+    "settings": _settings,
+    "save": lambda message: {"format": _one_of(message["format"], FORMATS)},
+    "cancel": _nothing,
+    "takeover": _nothing,
+    "open": lambda message: {"files": [_whole(number) for number in message["files"]][:1000]},
+    "resume": lambda message: {"work": _whole(message["work"])},
+    "sample": lambda message: {"sample": _whole(message["sample"])},
+    "forget": lambda message: {"work": _whole(message["work"])},
+    "start": _nothing,
+}

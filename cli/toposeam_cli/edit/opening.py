@@ -1,0 +1,191 @@
+"""Pictures of a work placed and joined on a preview, with the options of ``toposeam stitch``."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+import toposeam as ts
+from toposeam.arrays import Labels
+from toposeam.layers.blending.blend import blending_of
+from toposeam.layers.canvas.layer import Box
+from toposeam_cli.app.options import taken
+from toposeam_cli.app.registry import load
+from toposeam_cli.edit.preview import ReducedPictures
+from toposeam_cli.edit.strokes import CanvasTransform
+from toposeam_cli.edit.work import Work
+from toposeam_cli.files.writing import all_or_nothing, atomic_write
+from toposeam_cli.media.layouts.layout import Layout, LayoutStroke
+from toposeam_cli.stitching.inputs import LAYOUTS, PlacedPictures, arrange
+from toposeam_cli.stitching.joining import join
+from toposeam_cli.stitching.outputs import Outputs
+from toposeam_cli.stitching.place_options import FindingOptions, kind_of, with_defaults
+from toposeam_cli.stitching.positions import Where
+from toposeam_cli.stitching.saved_layout import saved_layout, taken_layout
+from toposeam_cli.stitching.search_options import Means, SeamOptions, strangers
+
+#: Most pictures that the page shows: each is a texture.
+MOST_PICTURES = 100
+#: Settings that change where pictures lie; the others change how they are joined.
+PLACING = ("model", "projection", "level")
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Opened:
+    """A work whose pictures are placed, and joined on the preview."""
+
+    job: PlacedPictures
+    joined: ts.layers.Composition
+    #: Per picture, from its own pixels to the preview, whose upper left pixel is at 0,0.
+    transforms: tuple[CanvasTransform, ...]
+    #: Size of the preview ÷ that of the result.
+    scale: float
+    #: Whether pictures are blended across the seams.
+    blends: bool
+    warnings: tuple[str, ...]
+    #: The layout that was opened.
+    layout: Layout | None
+    _saved: Callable[[Path, Mapping[str, Any]], dict[Path, bytes]]
+
+    def labels(self) -> Labels | None:
+        """Return the label map of the layout; None if there is none of this preview."""
+        if self.layout is None or self.layout.labels is None:
+            return None
+        from toposeam_cli.media.layouts.label_picture import read_labels
+
+        layout, own = self.layout, self.joined.label_map
+        try:
+            found = read_labels(self.layout.labels.file, layout.numbers, layout.count, ts.MAX_PIXELS)
+        except ts.ImageError:
+            return None
+        fits = found.shape == own.shape and bool(((found < 0) == (own < 0)).all())
+        return found.astype(np.int16) if fits else None
+
+    def blended(self, labels: Labels, box: Box) -> np.ndarray:
+        """Return the pixels of a box of the preview, joined by a label map and blended."""
+        solution = dataclasses.replace(self.joined.solution, labels=labels)
+        shown = dataclasses.replace(self.joined, solution=solution)
+        if shown.blending.needs_potential:
+            shown = dataclasses.replace(shown, blending=blending_of(shown.blending.without_potential, None))
+        return np.asarray(shown.window(box.slices[0], box.slices[1])[0])
+
+    def write(self, path: Path, strokes: Sequence[LayoutStroke], labels: Labels) -> None:
+        """Write the work as a layout for ``toposeam stitch``, and its labels beside it.
+
+        Raises
+        ------
+        OutputError
+            If the disk is full.
+        """
+        painting: dict[str, Any] = {}
+        if strokes:
+            left, top = self.joined.canvas.origin
+            at = left / self.scale, top / self.scale
+            painting = {"strokes": strokes, "start": (labels, at, 1 / self.scale)}
+        path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+        with all_or_nothing():
+            for each, document in self._saved(path, painting).items():
+                atomic_write(each, document, force=True)
+
+
+def open_work(work: Work, progress: Callable[[float], None] | None = None) -> Opened:
+    """Place the pictures of a work and find their seams.
+
+    Raises
+    ------
+    TopoSeamError
+        If they cannot be placed or joined.
+    """
+    source = work.source()
+    context = _stitching(source, work.settings)
+    with context:
+        given, layout = dict(context.params), None
+        if len(source) == 1 and source[0].suffix.lower() in LAYOUTS:
+            layout = taken_layout(source[0], given)
+        where, find = taken(Where, given), SeamOptions.taken(given)
+        out, finding = taken(Outputs, given), taken(FindingOptions, given)
+        preview = ReducedPictures()
+        job = arrange(
+            source,
+            where,
+            masks=given["masks"],
+            keeps=given["keeps"],
+            max_megapixels=find.of_stitch("max_megapixels"),
+            progress=progress,
+            finding=finding.of(source),
+            lay=preview,
+        )
+        check_count(len(job.layers))
+        kind = kind_of(job, finding)
+        find, out = with_defaults(find, out, kind)
+        if job.wrap is not None:
+            find = find.with_stitch(wrap=round(job.wrap * preview.scale))
+        joined = join(job, find, out, source, Means(None, None, False))
+    return Opened(
+        job=job,
+        joined=joined,
+        transforms=tuple(CanvasTransform(one, joined.canvas.origin) for one in preview.transforms),
+        scale=preview.scale,
+        blends=find.of_stitch("blend") != "none",
+        warnings=(*job.skipped, *(strangers(job) if job.placement is not None else ())),
+        layout=layout,
+        _saved=partial(_saved_layout, context, job, kind),
+    )
+
+
+def _stitching(source: Sequence[Path], settings: Mapping[str, str]) -> click.Context:
+    """Return the context of ``toposeam stitch`` for some pictures."""
+    command = load("stitch")
+    given = source[0].suffix.lower() in (*LAYOUTS, ".ora")
+    words = [
+        word
+        for name, value in settings.items()
+        if not (given and name in PLACING)
+        for word in _words_of(name, value)
+    ]
+    return command.make_context("stitch", [*map(str, source), "-o", "joined.png", *words])
+
+
+def _words_of(name: str, value: str) -> list[str]:
+    """Return an option of ``toposeam stitch`` as it is written."""
+    if name == "level":
+        return [] if value == "yes" else ["--no-level"]
+    if name == "tones":
+        return ["--no-match-tones", "--no-match-shading"] if value == "none" else [f"--match-{value}"]
+    return [f"--{name}", value]
+
+
+def _saved_layout(
+    context: click.Context, job: PlacedPictures, kind: str, path: Path, painting: Mapping[str, Any]
+) -> dict[Path, bytes]:
+    """Return the layout of a work, with places at full size, and the file of its labels."""
+    corner = np.zeros((1, 2))
+    at = (transform.to_canvas(corner)[0].round() for transform in job.transforms)
+    layers = [
+        layer if job.warped(index) else dataclasses.replace(layer, at=(int(x), int(y)))
+        for index, (layer, (x, y)) in enumerate(zip(job.layers, at, strict=True))
+    ]
+    whole = dataclasses.replace(job, layers=tuple(layers))
+    with context.scope(cleanup=False):
+        return saved_layout(whole, whole, path, kind, painting)
+
+
+def check_count(count: int) -> None:
+    """Refuse more pictures than the page shows.
+
+    Raises
+    ------
+    OptionError
+    """
+    if count > MOST_PICTURES:
+        raise ts.OptionError(
+            f"{count} pictures are more than the page shows, which is {MOST_PICTURES}; join them by toposeam "
+            "stitch, or open fewer"
+        )

@@ -1,0 +1,175 @@
+"""The process that solves: it holds the session, takes messages in order and answers with events."""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import signal
+from collections import deque
+from multiprocessing.connection import Connection
+from typing import Any
+
+import numpy as np
+
+from toposeam.layers.canvas.layer import Box
+from toposeam.sentence import sentence
+from toposeam_cli.edit.opening import PLACING, check_count
+from toposeam_cli.edit.preview import encoded, jpeg, small_print
+from toposeam_cli.edit.session import Change, Session
+from toposeam_cli.edit.work import Work
+
+_LAYOUTS = (".toml", ".json", ".pto")
+
+
+def run(connection: Connection, work: Work) -> None:
+    """Solve for a page until the connection closes."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the server, which then ends this process
+    with contextlib.suppress(EOFError, BrokenPipeError, OSError):
+        _Solver(connection, work).serve()
+
+
+class _Solver:
+    def __init__(self, connection: Connection, work: Work) -> None:
+        self._connection, self._work = connection, work
+        self._waiting: deque[dict[str, Any]] = deque()
+        self._session: Session | None = None
+
+    def serve(self) -> None:
+        """Open the work, then answer messages one after another."""
+        self._open()
+        while True:
+            message = self._next()
+            try:
+                self._answer(message)
+            except Exception as error:
+                self._say("failed", {"text": sentence(error)})
+
+    def _next(self) -> dict[str, Any]:
+        """Return the next message; of a stroke that grows only the newest counts."""
+        while not self._waiting or self._connection.poll():
+            self._waiting.append(self._connection.recv())
+        message = self._waiting.popleft()
+        while message["kind"] == "stroke" and self._waiting:
+            newer = self._waiting[0]
+            if newer["kind"] != "stroke" or newer["id"] != message["id"]:
+                break
+            message = self._waiting.popleft()
+        return message
+
+    def _say(self, kind: str, head: dict[str, Any], blocks: list[bytes] | None = None) -> None:
+        self._connection.send((kind, head, blocks or []))
+
+    def _open(self) -> None:
+        """Show small pictures, place them, and show the seams."""
+        self._session = None
+        gc.collect()
+        try:
+            self._prints()
+            self._session = session = Session(
+                self._work, lambda share: self._say("placing", {"share": round(share, 3)})
+            )
+            pictures = [encoded(layer) for layer in session.layers]
+            self._say("scene", session.scene(), [session.first(), *pictures])
+            self._change(session.all())
+            self._rest(session)
+        except Exception as error:
+            self._say("refused", {"text": sentence(error)})
+
+    def _prints(self) -> None:
+        files = list(self._work.files)
+        if len(files) == 1 and files[0].suffix.lower() in _LAYOUTS:
+            from toposeam_cli.media.layouts.any_layout import layout_in
+
+            files = [layer.file for layer in layout_in(files[0]).layers]
+        check_count(len(files))
+        self._say("prints", {"names": [path.name for path in files]})
+        for number, path in enumerate(files):
+            found = small_print(path)
+            if found is not None:
+                self._say("print", {"number": number, "size": list(found[1])}, [found[0]])
+
+    def _answer(self, message: dict[str, Any]) -> None:
+        session, kind = self._session, message["kind"]
+        if kind == "settings":
+            self._choose(message["settings"])
+            return
+        if session is None:
+            return
+        if kind == "blend":
+            self._blend(session, message["box"])
+        elif kind == "stroke":
+            self._stroke(session, message)
+        elif kind in ("undo", "redo"):
+            self._change(session.undo() if kind == "undo" else session.redo())
+            self._rest(session)
+        elif kind == "refresh":
+            self._change(session.refresh())
+        elif kind == "erase":
+            if session.erase(np.array(message["points"]), message["radius"]):
+                self._settle(session)
+        elif kind in ("take", "other"):
+            self._found(session, message)
+
+    def _stroke(self, session: Session, message: dict[str, Any]) -> None:
+        stroke, own = message["stroke"], {"id": message["id"]}
+        if stroke["layer"] >= len(session.layers):
+            return
+        if not message["done"]:
+            self._change(session.push(stroke), own)
+        elif session.paint([stroke]):
+            self._settle(session, own)
+        else:
+            self._change(session.all(), {**own, "done": True, "lost": True})
+
+    def _found(self, session: Session, message: dict[str, Any]) -> None:
+        height, width = session.shape
+        x, y = message["x"], message["y"]
+        if not (0 <= x < width and 0 <= y < height):
+            return
+        if message["kind"] == "other":
+            strokes = session.other_way(x, y)
+        else:
+            strokes = session.thing_at(x, y, message["layer"])
+        if strokes and session.paint(strokes):
+            self._settle(session)
+        else:
+            self._say("told", {"word": "nothing_differs"})
+
+    def _settle(self, session: Session, own: dict[str, Any] | None = None) -> None:
+        self._change(session.settle(), {**(own or {}), "done": True})
+        self._rest(session)
+
+    def _choose(self, settings: dict[str, str]) -> None:
+        chosen = {name: value for name, value in settings.items() if value != "auto"}
+        before = {name: self._work.settings.get(name) for name in PLACING}
+        self._work.settings = chosen
+        if before != {name: chosen.get(name) for name in PLACING}:
+            self._work.forget_places()
+        self._work.save()
+        self._open()
+
+    def _blend(self, session: Session, box: list[int]) -> None:
+        part = Box(box[0], box[1], box[2], box[3]).shared(Box(0, 0, *session.shape))
+        if min(part.shape) > 0:
+            self._say("blend", {"box": list(part)}, [jpeg(session.blended(part))])
+
+    def _change(self, change: Change, own: dict[str, Any] | None = None) -> None:
+        session = self._session
+        if session is None:
+            return
+        head = {
+            "box": list(change.box),
+            "squares": list(change.squares),
+            "lost": change.lost,
+            **session.can,
+            **(own or {}),
+        }
+        self._say("state", head, [change.labels.tobytes(), change.likeness.tobytes()])
+
+    def _rest(self, session: Session) -> None:
+        """Say what is not needed while a stroke grows: the worst places and all strokes."""
+        places = [
+            {"x": round(one.x, 1), "y": round(one.y, 1), "likeness": round(one.likeness, 3), "done": one.done}
+            for one in session.worst()
+        ]
+        self._say("rest", {"places": places, "strokes": session.drawn()})

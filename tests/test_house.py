@@ -399,6 +399,8 @@ STARTERS = {
     "workers.py": {"get_context", "ProcessPoolExecutor"},
     "dask_workers.py": {"LocalCluster"},
     "dialog.py": {"Gio.AppInfo"},
+    "processes.py": {"get_context"},
+    "edit.py": {"webbrowser.open"},  # finds browsers on the PATH that `protect` has left
 }
 
 

@@ -10,6 +10,7 @@ import click
 import toposeam as ts
 from toposeam_cli.app.command import Command
 from toposeam_cli.app.options import FILE, OUTPUT, force_option
+from toposeam_cli.app.progress import say
 from toposeam_cli.files.writing import PICTURE_SUFFIXES, check_output
 
 
@@ -42,9 +43,9 @@ def edit(pictures: tuple[Path, ...], output: Path | None, port: int, no_browser:
     from toposeam_cli.edit.work import work_of
 
     def opened(address: str) -> None:
-        click.echo(address)
+        say(address)
         if not no_browser:
-            click.echo("Ctrl-C ends it; strokes are kept.", err=True)
+            say("Ctrl-C ends it; strokes are kept.", err=True)
             webbrowser.open(address)
 
     try:

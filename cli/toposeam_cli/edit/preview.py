@@ -27,7 +27,7 @@ PRINT_PX = 480
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ReducedTransform:
+class ScaledTransform:
     """A transform between a picture and a canvas that are both reduced.
 
     Points are counted from the middle of the upper left pixel, as those of any transform.
@@ -79,8 +79,8 @@ class ReducedPictures:
                 new / old for new, old in zip(small.image.shape[1::-1], layer.image.shape[1::-1], strict=True)
             )
             reduced.append(small)
-            by.append(ReducedTransform(transform, (factors[0], factors[1]), self.scale))
-        self.transforms = tuple(ReducedTransform(one, (1.0, 1.0), self.scale) for one in transforms)
+            by.append(ScaledTransform(transform, (factors[0], factors[1]), self.scale))
+        self.transforms = tuple(ScaledTransform(one, (1.0, 1.0), self.scale) for one in transforms)
         return placed_layers(reduced, by, None, None)
 
     def _scale(self, layers: Sequence[ts.Layer], transforms: Sequence[Transform]) -> float:

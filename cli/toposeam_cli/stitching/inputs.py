@@ -23,7 +23,6 @@ from toposeam.layers.canvas.transforms import (
     similarity,
 )
 from toposeam.layers.execution.tasks import Executor, results
-from toposeam.layers.labelling import check_pairs
 from toposeam.layers.registration.find_places import PlaceOptions, Places, among, found_places
 from toposeam_cli.app.options import Keyed
 from toposeam_cli.files.regular import check_pattern
@@ -334,6 +333,8 @@ def _check_extent(layers: Sequence[LayoutLayer], limit: int) -> None:
     ------
     OptionError
     """
+    from toposeam.layers.labelling.posing import check_pairs
+
     blanks = []
     for layer in layers:
         with suppress(ts.ImageError):  # raised again where the file is read

@@ -88,7 +88,7 @@ class Opened:
         if strokes:
             left, top = self.joined.canvas.origin
             at = left / self.scale, top / self.scale
-            painting = {"strokes": strokes, "start": (labels, at, 1 / self.scale)}
+            painting = {"strokes": strokes, "preview": (labels, at, 1 / self.scale)}
         path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
         with all_or_nothing():
             for each, document in self._saved(path, painting).items():

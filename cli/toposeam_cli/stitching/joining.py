@@ -65,9 +65,9 @@ def _keywords(job: PlacedPictures, find: SeamOptions, out: Outputs) -> dict[str,
         given["avoid"] = read_avoid(avoid, job.shape, limit)
     if "strokes" in given:
         given["strokes"] = [ts.layers.Stroke(**asdict(stroke)) for stroke in given["strokes"]]
-    if "start" in given:
-        label_map, at, scale = given["start"]
-        given["start"] = ts.layers.LabelMap(labels=label_map, at=at, scale=scale)
+    if "preview" in given:
+        label_map, at, scale = given["preview"]
+        given["preview"] = ts.layers.LabelMap(labels=label_map, at=at, scale=scale)
     if find.use_seam:
         given["use_path"] = given_seams(find.use_seam, job)
     given["max_megapixels"] = canvas_megapixels(limit)

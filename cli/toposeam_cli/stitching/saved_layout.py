@@ -143,7 +143,7 @@ def painted(layout: Layout, job: PlacedPictures, find: SeamOptions) -> dict[str,
         numbers = tuple(layout.numbers[number] for number in job.numbers)
         limit = min(round(find.of_stitch("max_megapixels") * 1e6), STORED_PIXELS)
         label_map = read_labels(labels.file, numbers, layout.count, limit)
-        found["start"] = label_map, labels.at, labels.scale
+        found["preview"] = label_map, labels.at, labels.scale
     return found
 
 
@@ -223,10 +223,10 @@ def saved_layout(
     else:
         options = {key: value for key, value in options.items() if key not in ("align", "align-radius")}
     documents, labels = dict[Path, bytes](), None
-    if "start" in painting:
+    if "preview" in painting:
         from toposeam_cli.media.layouts.label_picture import labels_png
 
-        label_map, at, scale = painting["start"]
+        label_map, at, scale = painting["preview"]
         labels = LayoutLabels(file=labels_path(path), at=at, scale=scale)
         documents[labels.file] = labels_png(label_map, len(job.layers))
     layers = [
@@ -257,7 +257,7 @@ def lost_in_project(job: PlacedPictures, path: Path | None, painting: Mapping[st
         return []
     lost = [*_chosen(job, path.parent)]
     lost += [name for name, files in (("mask-for", job.masks), ("keep", job.keeps)) if any(files)]
-    lost += [name for name, key in (("strokes", "strokes"), ("labels", "start")) if key in painting]
+    lost += [name for name, key in (("strokes", "strokes"), ("labels", "preview")) if key in painting]
     if not lost:
         return []
     return [f"a Hugin project holds places, and not {', '.join(lost)}; save a layout (.toml) for all of it"]

@@ -128,11 +128,8 @@ def test_the_gimp_environment_has_a_folder_without_variables(tmp_path, monkeypat
 def test_the_python_of_a_new_environment_has_the_system_s_name(tmp_path, monkeypatch, platform, python):
     ran = []
     monkeypatch.setattr(sys, "platform", platform)
-    monkeypatch.setattr(
-        environment.subprocess,
-        "run",
-        lambda command, **_: ran.append(command) or subprocess.CompletedProcess(command, 0),
-    )
+    ended = subprocess.CompletedProcess([], 0)
+    monkeypatch.setattr(environment, "run", lambda command, **_: ran.append(command) or ended)
     assert environment.make_environment(tmp_path / "venv") == tmp_path / "venv" / python
     assert ran[1][0] == str(tmp_path / "venv" / python)
 

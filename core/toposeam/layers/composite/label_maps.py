@@ -66,7 +66,7 @@ def find_label_map(
     """
     options = search.options
     # A kept stroke is an island, round which several seams may run.
-    two = len(canvas.layers) == 2 and not options.strokes and options.start is None
+    two = len(canvas.layers) == 2 and not options.strokes and options.preview is None
     if canvas.period is not None:
         from toposeam.layers.composite.many_layers import by_cutting_open
 

@@ -110,7 +110,7 @@ class StitchOptions:
     transforms: Sequence[Transform | None] | None = None
     #: A label map that was found for the same layers at a smaller size, with its `at` and `scale`: the seams
     #: are searched in a band round those of it.
-    start: LabelMap | None = field(default=None, repr=False)
+    preview: LabelMap | None = field(default=None, repr=False)
     #: Rounds of expansions at most, of which three are typical; 0 leaves the seams as they were found one
     #: after another.
     max_rounds: int = 10
@@ -141,7 +141,7 @@ class StitchOptions:
             from toposeam.layers.labelling.strokes import Stroke  # most pictures need none
 
             check_items("strokes", self.strokes, Stroke, "a sequence of Strokes")
-        check_kind("start", self.start, (LabelMap, type(None)), "a LabelMap or None")
+        check_kind("preview", self.preview, (LabelMap, type(None)), "a LabelMap or None")
         check_whole("max_rounds", self.max_rounds, 0)
         search_options(self.effort, 0)
         check_core(self.core, self.speck)
@@ -253,7 +253,7 @@ class SeamSearch:
 
     def start_on(self, x: int, y: int) -> LabelMap | None:
         """Return the label map to begin with, in the coordinates of a canvas that begins at x, y."""
-        start = self.options.start
+        start = self.options.preview
         if start is None:
             return None
         return dataclasses.replace(start, at=(start.at[0] - x, start.at[1] - y))

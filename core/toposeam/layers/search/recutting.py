@@ -42,7 +42,7 @@ _ROUNDS = 10
 _MOVED_REACH = 8
 #: The window round pixels that must change reaches beyond them by half their own size, and at least by this
 #: many px.
-_LEAST_MARGIN = 96
+_LEAST_MARGIN = 160
 #: Width of the rim of the window, px, that keeps its labels, so that seams join those outside.
 _FIXED_RIM = 2
 

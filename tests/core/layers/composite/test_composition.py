@@ -157,7 +157,7 @@ def test_figures_are_those_of_the_seams_without_making_them(alpha):
 
 def test_checked_seams_are_not_measured_again_for_figures(monkeypatch):
     measured, usual = [], made._measured
-    monkeypatch.setattr(made, "_measured", lambda item: measured.append(item.pair) or usual(item))
+    monkeypatch.setattr(made, "_measured", lambda item: measured.append(item[0]) or usual(item))
     given = layers(4)
     avoid = np.zeros(ts.stitch(given).shape, bool)
     avoid[20:30, 20:30] = True

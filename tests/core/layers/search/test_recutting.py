@@ -145,7 +145,7 @@ def test_large_seams_stay_by_those_of_a_small_label_map(joined, count):
     half = dataclasses.replace(stroke, points=stroke.points / 2, radius=stroke.radius / 2)
     preview = ts.stitch(small, strokes=[half])
     start = dataclasses.replace(preview.solution, scale=2.0)
-    large = ts.stitch(joined.layers[:count], strokes=[stroke], start=start)
+    large = ts.stitch(joined.layers[:count], strokes=[stroke], preview=start)
     labels = np.asarray(preview.label_map)
     edge = np.zeros(labels.shape, bool)
     edge[:, 1:] |= labels[:, 1:] != labels[:, :-1]

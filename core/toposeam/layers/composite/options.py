@@ -137,7 +137,7 @@ class StitchOptions:
         check_function("progress", self.progress)
         check_executor(self.executor)
         self._check_give()
-        if self.strokes:
+        if not (isinstance(self.strokes, tuple | list) and not self.strokes):
             from toposeam.layers.labelling.strokes import Stroke  # most pictures need none
 
             check_items("strokes", self.strokes, Stroke, "a sequence of Strokes")

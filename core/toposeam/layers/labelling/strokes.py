@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.arrays import Floats, Floats32, Mask
-from toposeam.checks import check_choice, check_items, check_number, check_whole
+from toposeam.checks import check_choice, check_items, check_kind, check_number, check_whole
 from toposeam.errors import OptionError, Term
 from toposeam.layers.canvas.canvas import Canvas
 from toposeam.layers.canvas.layer import Box, cut
@@ -155,6 +155,10 @@ def apply_strokes(
     >>> again.labels[10, 28:52].max(), lost
     (np.int16(0), ())
     """
+    check_kind("labelling", labelling, Labelling, "a Labelling, such as Composition.labelling")
+    check_kind("canvas", canvas, Canvas, "a Canvas, such as Composition.canvas")
+    if transforms is not None:
+        check_kind("transforms", transforms, Sequence, "a transform or None for each layer")
     strokes = check_items("strokes", strokes, Stroke, "a sequence of Strokes")
     count = len(canvas.layers)
     given: Sequence[Transform | None] = [None] * count if transforms is None else transforms

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from typing import Any
 
 from toposeam.arrays import Floats32, Mask
-from toposeam.checks import check_number
+from toposeam.checks import check_kind, check_number
 from toposeam.layers.canvas.layer import Box
 from toposeam.layers.labelling.problem import Labelling, PairCost
 from toposeam.layers.labelling.table_costs import TableCost
@@ -76,6 +76,7 @@ def keep_costs(labelling: Labelling, megabytes: float = 256.0) -> Labelling:
     >>> labelling.costs[0, 1].on(labelling.canvas)[0].shape
     (30, 69)
     """
+    check_kind("labelling", labelling, Labelling, "a Labelling, such as Composition.labelling")
     check_number("megabytes", megabytes, 0)
     left, costs = megabytes * 1e6, dict(labelling.costs)
     for pair in sorted(costs, key=lambda pair: (math.prod(costs[pair].box.shape), pair)):

@@ -140,7 +140,8 @@ class StitchOptions:
         if not (isinstance(self.strokes, tuple | list) and not self.strokes):
             from toposeam.layers.labelling.strokes import Stroke  # most pictures need none
 
-            check_items("strokes", self.strokes, Stroke, "a sequence of Strokes")
+            given = check_items("strokes", self.strokes, Stroke, "a sequence of Strokes")
+            object.__setattr__(self, "strokes", tuple(given))
         check_kind("preview", self.preview, (LabelMap, type(None)), "a LabelMap or None")
         check_whole("max_rounds", self.max_rounds, 0)
         search_options(self.effort, 0)

@@ -149,8 +149,8 @@ def correlations(
     layers : sequence of Layer
         Placed.
     block : int
-        Side of the blocks, px, whose means are compared: of larger ones more of the overlap is, and what fits
-        to some px only correlates as well.
+        Side of the blocks, px, at most 1000, whose means are compared: of larger ones more of the overlap is,
+        and what fits to some px only correlates as well.
     executor : concurrent.futures.Executor, optional
         Where pairs are compared.
 
@@ -169,7 +169,7 @@ def correlations(
     """
     layers = check_items("layers", layers, Layer, "a sequence of Layers")
     check_executor(executor)
-    check_whole("block", block, 1)
+    check_whole("block", block, 1, 1000)
     pairs = [
         (i, j)
         for i in range(len(layers))

@@ -90,6 +90,7 @@ ARROWS = {
     "toposeam_cli.edit": CLI_CORE
     | {
         "toposeam.layers",
+        "toposeam.seam",
         "toposeam_cli.app",
         "toposeam_cli.files",
         "toposeam_cli.media",

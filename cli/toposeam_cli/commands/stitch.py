@@ -158,7 +158,7 @@ def _stitch(
             scratch=means.store if by_windows(out, find) else None,
             executor=means.workers,
             stores=means.stores,
-            finding=finding.of(files if layout is None else [layer.file for layer in layout.layers]),
+            finding=finding.of(files if layout is None else layout.files),
         )
     for reason in job.skipped:
         say(f"left out: {reason}", err=True)

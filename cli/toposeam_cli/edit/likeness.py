@@ -11,12 +11,10 @@ import scipy
 import toposeam as ts
 from toposeam.arrays import Floats, Labels
 from toposeam.layers.canvas.layer import Box
+from toposeam.seam.result.verdict import HALF_COST, SQUARE_PX, UNSEEN
 
-#: Side of the squares, px of the preview, and the mean cost at which the likeness is one half, both as those
-#: of the verdict on a seam.
-SQUARE_PX, _HALF_COST = 16, 18.0
 #: Below this likeness a place is one of the worst; from this one on, it no longer shows.
-BAD, GOOD = 0.5, 0.55
+BAD, GOOD = UNSEEN, 0.55
 #: Most places that are listed, and how far apart they lie, px of the preview.
 _MOST_PLACES, _APART_PX = 8, 80.0
 #: A place that was listed is looked for again so far round it, px.
@@ -69,7 +67,7 @@ class LikenessMap:
             sums[at] = np.bincount(number, weights, height * width).reshape(height, width)
         total = np.bincount(number, cost[inside], height * width).reshape(height, width)
         count = sums[0]
-        likeness = 1 / (1 + total / np.maximum(count, 1) / _HALF_COST)
+        likeness = 1 / (1 + total / np.maximum(count, 1) / HALF_COST)
         self.squares[squares.slices] = np.where(count > 0, np.rint(254 * likeness), _NONE)
         return squares
 

@@ -119,7 +119,7 @@ def open_work(work: Work, progress: Callable[[float], None] | None = None) -> Op
             keeps=given["keeps"],
             max_megapixels=find.of_stitch("max_megapixels"),
             progress=progress,
-            finding=finding.of(source),
+            finding=finding.of(source if layout is None else layout.files),
             lay=preview,
         )
         check_count(len(job.layers))

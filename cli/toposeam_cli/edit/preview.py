@@ -16,7 +16,7 @@ from PIL import Image, ImageOps
 import toposeam as ts
 from toposeam.arrays import Floats
 from toposeam.images import full_scale
-from toposeam.layers.canvas.transforms import Transform, is_move, reach
+from toposeam.layers.canvas.transforms import ReducedTransform, Transform, is_move, reach
 from toposeam_cli.media.pictures.colour import to_depth, widen
 from toposeam_cli.stitching.resample import placed_layers
 
@@ -24,30 +24,6 @@ from toposeam_cli.stitching.resample import placed_layers
 PREVIEW_PIXELS = 2_000_000
 #: Longer side of the small pictures that show before anything is placed, px.
 PRINT_PX = 480
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ScaledTransform:
-    """A transform between a picture and a canvas that are both reduced.
-
-    Points are counted from the middle of the upper left pixel, as those of any transform.
-    """
-
-    whole: Transform
-    #: Size of the reduced picture ÷ that of the picture, across and down.
-    picture: tuple[float, float]
-    #: Size of the reduced canvas ÷ that of the canvas.
-    canvas: float
-
-    def to_canvas(self, points: Floats) -> Floats:
-        """Map (..., 2) points of the reduced picture; NaN where the canvas does not show them."""
-        whole = self.whole.to_canvas((points + 0.5) / self.picture - 0.5)
-        return np.asarray((whole + 0.5) * self.canvas - 0.5)
-
-    def to_picture(self, points: Floats) -> Floats:
-        """Map (..., 2) points of the reduced canvas; far outside where the picture does not show them."""
-        whole = self.whole.to_picture((points + 0.5) / self.canvas - 0.5)
-        return np.asarray((whole + 0.5) * self.picture - 0.5)
 
 
 @dataclass(slots=True)
@@ -75,12 +51,11 @@ class ReducedPictures:
         reduced, by = [], []
         for layer, transform in zip(layers, transforms, strict=True):
             small = _reduced(layer, self.scale)
-            factors = tuple(
-                new / old for new, old in zip(small.image.shape[1::-1], layer.image.shape[1::-1], strict=True)
-            )
+            height, width = layer.image.shape[:2]
+            rows, columns = small.image.shape[:2]
             reduced.append(small)
-            by.append(ScaledTransform(transform, (factors[0], factors[1]), self.scale))
-        self.transforms = tuple(ScaledTransform(one, (1.0, 1.0), self.scale) for one in transforms)
+            by.append(ReducedTransform(transform, 1 / self.scale, (width / columns, height / rows)))
+        self.transforms = tuple(ReducedTransform(one, 1 / self.scale, 1) for one in transforms)
         return placed_layers(reduced, by, None, None)
 
     def _scale(self, layers: Sequence[ts.Layer], transforms: Sequence[Transform]) -> float:

@@ -21,11 +21,11 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from toposeam.seam.result.verdict import SQUARE_PX
 from toposeam.sentence import sentence
 from toposeam_cli.edit import saving, solver
 from toposeam_cli.edit.dropped import Dropped, samples
 from toposeam_cli.edit.guard import HEADERS, Guard
-from toposeam_cli.edit.likeness import SQUARE_PX
 from toposeam_cli.edit.messages import LONGEST, MessageError, packed, parsed
 from toposeam_cli.edit.processes import Worker
 from toposeam_cli.edit.work import Work, claimed_work, recent_works, work_of

@@ -12,6 +12,7 @@ import numpy as np
 
 import toposeam as ts
 from toposeam.arrays import Floats, Labels, Mask
+from toposeam.images import box_of
 from toposeam.layers.canvas.layer import Box
 from toposeam_cli.edit.likeness import LikenessMap, SeamPlace
 from toposeam_cli.edit.opening import open_work
@@ -253,8 +254,7 @@ class Session:
         if not differs.any():
             none = Box(0, 0, 0, 0)
             return Change(none, np.zeros((0, 0), np.uint8), none, np.zeros((0, 0), np.uint8), lost)
-        rows, columns = np.flatnonzero(differs.any(axis=1)), np.flatnonzero(differs.any(axis=0))
-        box = Box(int(rows[0]), int(columns[0]), int(rows[-1]) + 1, int(columns[-1]) + 1)
+        box = Box.of(*box_of(differs))
         squares = self._likeness.update(self._labelling, labels, box)
         self._shown = labels.copy()
         return Change(

@@ -17,8 +17,7 @@ from toposeam_cli.edit.opening import PLACING, check_count
 from toposeam_cli.edit.preview import encoded, jpeg, small_print
 from toposeam_cli.edit.session import Change, Session
 from toposeam_cli.edit.work import Work
-
-_LAYOUTS = (".toml", ".json", ".pto")
+from toposeam_cli.stitching.inputs import LAYOUTS
 
 
 def run(connection: Connection, work: Work) -> None:
@@ -77,7 +76,7 @@ class _Solver:
 
     def _prints(self) -> None:
         files = list(self._work.files)
-        if len(files) == 1 and files[0].suffix.lower() in _LAYOUTS:
+        if len(files) == 1 and files[0].suffix.lower() in LAYOUTS:
             from toposeam_cli.media.layouts.any_layout import layout_in
 
             files = [layer.file for layer in layout_in(files[0]).layers]

@@ -10,13 +10,12 @@ import scipy
 import toposeam as ts
 from toposeam.arrays import Labels, Mask
 from toposeam.layers.canvas.layer import Box
+from toposeam.seam.result.verdict import HALF_COST
 from toposeam_cli.edit.strokes import discs_of
 
 #: The box round a tap in which a thing is looked for: its half side, and how far from the tap it may begin,
 #: px of the preview.
 _AROUND_TAP, _NEAR_TAP = 300, 24
-#: Mean cost of an interface from which on two pictures differ there, as for a likeness of one half.
-_DIFFERENT = 18.0
 #: A thing is taken with so many px round it, and is at most this share of the box.
 _RIM_PX, _LARGEST_THING = 4, 0.3
 
@@ -73,7 +72,7 @@ def _blob(differs: np.ndarray, at: tuple[int, int]) -> Mask | None:
     """Find what differs at a point, or the nearest such thing; None if nothing does nearby."""
     rows, columns = np.ogrid[: differs.shape[0], : differs.shape[1]]
     near = (rows - at[0]) ** 2 + (columns - at[1]) ** 2 <= _NEAR_TAP**2
-    least = _DIFFERENT
+    least = HALF_COST
     while True:
         mask = differs > least
         closed = scipy.ndimage.binary_closing(np.pad(mask, 8), iterations=4)[8:-8, 8:-8]

@@ -161,6 +161,11 @@ class Layout:
     numbers: tuple[int, ...] = ()
     count: int = 0
 
+    @property
+    def files(self) -> list[Path]:
+        """The pictures' files, in the order of the layers."""
+        return [layer.file for layer in self.layers]
+
 
 def read_layout(path: Path) -> Layout:
     """Return the visible layers of a layout in TOML or JSON, by its extension, in the order of the file.

@@ -112,6 +112,13 @@ class Canvas:
             _covers=[self.covers[k] for k in numbers],
         )
 
+    def seam_box(self, cell: int) -> Box:
+        """Return the box in which the seam of two layers is searched: what their places share and two pixels
+        round it, as far as gradients reach, from a multiple of `cell` px on.
+        """
+        box = self.places[1].shared(self.places[0]).grown(2)
+        return Box(box.top - box.top % cell, box.left - box.left % cell, *box[2:]).shared(self.box)
+
     def with_layers(self, layers: Sequence[Layer]) -> Canvas:
         """Return the same canvas with other layers of the same sizes and places, as after matching tones."""
         return dataclasses.replace(self, layers=layers)

@@ -155,6 +155,11 @@ class Box(NamedTuple):
     bottom: int
     right: int
 
+    @classmethod
+    def of(cls, rows: slice, columns: slice) -> Box:
+        """Return the box of rows and columns, as :func:`toposeam.images.box_of` finds them."""
+        return cls(rows.start, columns.start, rows.stop, columns.stop)
+
     @property
     def slices(self) -> tuple[slice, slice]:
         """The rows and columns of the box, if it lies on the canvas."""

@@ -335,9 +335,10 @@ class ReducedTransform:
     """
 
     transform: Transform
-    #: px of the canvas per px of its reduced copy, and of the picture per px of its own.
-    canvas_scale: int
-    picture_scale: int
+    #: px of the canvas per px of its reduced copy, and of the picture per px of its own; of a picture perhaps
+    #: across and down.
+    canvas_scale: float
+    picture_scale: float | tuple[float, float]
 
     def to_canvas(self, points: Floats) -> Floats:
         """Map (..., 2) points of the reduced picture."""
@@ -352,12 +353,12 @@ class ReducedTransform:
         )
 
 
-def enlarged(points: Floats, scale: int) -> Floats:
-    """Return points of a picture reduced by averages of `scale` × `scale` px as points of the picture."""
+def enlarged(points: Floats, scale: float | tuple[float, float]) -> Floats:
+    """Return points of a picture that was reduced by a factor, perhaps across and down, as points of it."""
     return points if scale == 1 else (points + 0.5) * scale - 0.5
 
 
-def reduced_points(points: Floats, scale: int) -> Floats:
+def reduced_points(points: Floats, scale: float | tuple[float, float]) -> Floats:
     """Invert :func:`enlarged`."""
     return points if scale == 1 else (points + 0.5) / scale - 0.5
 

@@ -35,7 +35,7 @@ def by_rounds(
     common = search.common(canvas)
     given = [(pair, divided(canvas, pair, drawing, common)) for pair, drawing in paths.items()]
     labelling, lost = search.struck(search.pose(canvas, given=given, **maps), canvas)
-    start = search.start_on(*canvas.origin)
+    start = search.preview_on(*canvas.origin)
     found = minimise(search.problem(labelling), order_of(canvas), search.options.max_rounds, start)
     found = dataclasses.replace(found, lost_strokes=lost)
     seams = SeamsOfMap(labelling, found, list(paths), search.recorded())
@@ -62,7 +62,7 @@ def by_cutting_open(
     column, beside = canvas.sparsest_column(away=half)
     opened = canvas.cut_open(column)
     labelling = search.pose(opened)
-    start = search.start_on(canvas.origin[0] + column, canvas.origin[1])
+    start = search.preview_on(canvas.origin[0] + column, canvas.origin[1])
     found = minimise(search.problem(labelling), order_of(opened), options.max_rounds, start, period)
     if column:
         labels = turned_map(found.labels, period, -column, period)

@@ -104,7 +104,7 @@ class StitchOptions:
     use_path: SvgSeam | Mapping[Pair, SvgSeam] | None = None
     #: Strokes of a brush that say which layer shows, or where no seam may run; later ones win. Those that
     #: change nothing are named in :attr:`LabelMap.lost_strokes`.
-    strokes: Sequence[Stroke] = ()
+    strokes: Sequence[Stroke] | None = None
     #: For strokes on layers that are warped: per layer the map from the pixels of its picture to the
     #: coordinates of the layers (:attr:`Placement.transforms`), or None if it is only moved.
     transforms: Sequence[Transform | None] | None = None
@@ -137,7 +137,7 @@ class StitchOptions:
         check_function("progress", self.progress)
         check_executor(self.executor)
         self._check_give()
-        if not (isinstance(self.strokes, tuple | list) and not self.strokes):
+        if self.strokes is not None:
             from toposeam.layers.labelling.strokes import Stroke  # most pictures need none
 
             given = check_items("strokes", self.strokes, Stroke, "a sequence of Strokes")
@@ -252,12 +252,12 @@ class SeamSearch:
 
         return apply_strokes(labelling, self.options.strokes, canvas, self.options.transforms)
 
-    def start_on(self, x: int, y: int) -> LabelMap | None:
-        """Return the label map to begin with, in the coordinates of a canvas that begins at x, y."""
-        start = self.options.preview
-        if start is None:
+    def preview_on(self, x: int, y: int) -> LabelMap | None:
+        """Return the preview in the coordinates of a canvas that begins at x, y."""
+        preview = self.options.preview
+        if preview is None:
             return None
-        return dataclasses.replace(start, at=(start.at[0] - x, start.at[1] - y))
+        return dataclasses.replace(preview, at=(preview.at[0] - x, preview.at[1] - y))
 
     def recut(
         self,

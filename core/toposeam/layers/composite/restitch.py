@@ -111,8 +111,10 @@ def restitch(
         seams = SeamsOfMap(search.pose(canvas), found, tuple(drawings), search.recorded())
     if fixed is not None:
         wanted = _where_possible(canvas, as_labels(fixed, canvas.shape, "fixed"))
-        found = search.recut(seams.labelling, found, fixed=wanted)
-        seams = SeamsOfMap(seams.labelling, found, tuple(drawings), search.recorded())
+        again = search.recut(seams.labelling, found, fixed=wanted)
+        if again is not found:
+            found = again
+            seams = SeamsOfMap(seams.labelling, found, tuple(drawings), search.recorded())
     blending = options.blending
     if blending.needs_potential:
         blending = blending_of(blending.without_potential, blend_width)

@@ -149,5 +149,4 @@ class SeamsOfMap:
         beside[1:] |= (first[1:] & second[:-1]) | (second[1:] & first[:-1])
         if not beside.any():
             return None
-        rows, columns = box_of(beside)
-        return Box(rows.start, columns.start, rows.stop, columns.stop).moved(*inside[:2]).grown(_SEAM_MARGIN)
+        return Box.of(*box_of(beside)).moved(*inside[:2]).grown(_SEAM_MARGIN)

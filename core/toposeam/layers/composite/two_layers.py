@@ -53,11 +53,8 @@ def join(
         The label map.
     """
     canvas, (place_a, place_b) = two.box, two.places
-    # The problem depends on the common box and two pixels around it, as far as gradients reach. Specks are
-    # measured in this box too, so a drawn seam must be applied to the box in which it was found.
-    box = place_b.shared(place_a).grown(2)
-    # Cells of the match cost begin at even pixels of the canvas.
-    box = Box(box.top - box.top % CELL, box.left - box.left % CELL, *box[2:]).shared(canvas)
+    # Specks are measured in this box too, so a drawn seam must be applied to the box in which it was found.
+    box = two.seam_box(CELL)
     if not all(place_b.shared(place_a).shape):
         box = canvas
     if drawing is not None and (drawing.height, drawing.width) == two.shape:

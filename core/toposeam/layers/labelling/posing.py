@@ -296,7 +296,7 @@ def _cores_of(
     piece = scipy.ndimage.label(middle[rows, columns])[0]
     numbers: npt.NDArray[np.int32] = new_map(piece.shape, 0, np.int32)
     numbers[:, :] = piece
-    box = Box(rows.start, columns.start, rows.stop, columns.stop).moved(*place[:2])
+    box = Box.of(rows, columns).moved(*place[:2])
     return _Cores(index, box, numbers, np.bincount(piece.ravel()))
 
 

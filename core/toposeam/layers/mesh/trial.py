@@ -94,9 +94,7 @@ def trial_seam(
             shading=True,
         )
         canvas = extent_of(layers)
-        box = canvas.places[1].shared(canvas.places[0]).grown(2)
-        # cells of the match cost begin at even pixels of the canvas
-        box = Box(box.top - box.top % CELL, box.left - box.left % CELL, *box[2:]).shared(canvas.box)
+        box = canvas.seam_box(CELL)
         if min(box.shape) < 2 * CELL:
             return None
         layers = [_window(one, canvas.place(one), box, canvas.origin) for one in layers]

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from toposeam.images import box_of
 from toposeam.layers.canvas.layer import Box
 from toposeam.layers.canvas.tile_map import dense, doubled, new_map
 from toposeam.layers.labelling.label_map import LabelMap
+from toposeam.layers.labelling.problem import Labelling
 from toposeam.layers.search.cost_coarsening import Tables, enlarged, halved, opened
 from toposeam.layers.search.expansion_moves import Choices
 from toposeam.layers.search.kept_costs import KeptCost
@@ -79,13 +80,7 @@ def _from_start(problem: Problem, most: int, start: LabelMap, period: int | None
     labelling, wandering = problem.labelling, problem.search.wandering[0]
     most_halvings = max(0, min(labelling.canvas.shape).bit_length() - 2)
     halvings = min(most_halvings, max(0, int(math.log2(start.scale))))
-    levels = [problem]
-    if halvings:
-        tables = Tables(labelling.costs, halvings, problem.executor, wandering)
-        sizes = [labelling]
-        for _ in range(halvings):
-            sizes.append(halved(sizes[-1], wandering))
-        levels += [problem.reduced(size) for size in tables.kept(sizes[1:])]
+    levels = _halved(problem, wandering, halvings, lambda size: True)
     level = levels.pop()
     label_map: Labels = new_map(level.labelling.canvas.shape, -1, np.int16)
     label_map[:, :] = start.sampled(label_map.shape, 1 << halvings, period)
@@ -137,15 +132,28 @@ def levels_of(problem: Problem, wandering: float) -> list[Problem]:
     most = max(0, (min(labelling.canvas.shape) - 1) // (2 * options.shortest)).bit_length()
     if not most or labelling.contested(whole + 1) <= whole:
         return [problem]
-    levels = [labelling]
-    tables = None
-    if not all(isinstance(cost, KeptCost) for cost in labelling.costs.values()):
+
+    def is_large(size: Labelling) -> bool:
+        return size.contested(whole + 1) > whole and min(size.canvas.shape) > 2 * options.shortest
+
+    return _halved(problem, wandering, most, is_large)
+
+
+def _halved(
+    problem: Problem, wandering: float, most: int, goes_on: Callable[[Labelling], bool]
+) -> list[Problem]:
+    """Return the problem at full size and halved again and again, at most `most` times, while the smallest
+    size says that it goes on.
+    """
+    labelling, tables = problem.labelling, None
+    if most and not all(isinstance(cost, KeptCost) for cost in labelling.costs.values()):
         tables = Tables(labelling.costs, most, problem.executor, wandering)
-    while levels[-1].contested(whole + 1) > whole and min(levels[-1].canvas.shape) > 2 * options.shortest:
-        levels.append(halved(levels[-1], wandering))
+    sizes = [labelling]
+    while len(sizes) <= most and goes_on(sizes[-1]):
+        sizes.append(halved(sizes[-1], wandering))
         problem.steps.one()
-    smaller = levels[1:] if tables is None else tables.kept(levels[1:])
-    return [problem, *(problem.reduced(level) for level in smaller)]
+    smaller = sizes[1:] if tables is None else tables.kept(sizes[1:])
+    return [problem, *map(problem.reduced, smaller)]
 
 
 def fuse(problem: Problem, label_map: Labels, other: Labels) -> None:
@@ -158,8 +166,7 @@ def fuse(problem: Problem, label_map: Labels, other: Labels) -> None:
     apart = one != two
     if not apart.any():
         return
-    rows, columns = box_of(apart)
-    box = Box(rows.start, columns.start, rows.stop, columns.stop).grown(1).shared(labelling.canvas)
+    box = Box.of(*box_of(apart)).grown(1).shared(labelling.canvas)
     one, two, apart = one[box.slices], two[box.slices], apart[box.slices]
     layers = [int(k) for k in np.union1d(one, two) if k >= 0]
     choices = Choices(labelling, box, one, [((one == k) | (two == k)) & apart for k in layers], layers)

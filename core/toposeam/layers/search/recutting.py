@@ -15,7 +15,7 @@ from collections.abc import Callable
 import numpy as np
 
 from toposeam.arrays import Labels, Mask
-from toposeam.checks import check_function, check_kind
+from toposeam.checks import check_choice, check_function, check_kind
 from toposeam.images import as_mask, box_of
 from toposeam.layers.canvas.layer import Box
 from toposeam.layers.canvas.tile_map import TileMap, blocks, dense, doubled, new_map, uniform
@@ -106,6 +106,7 @@ def recut(
     check_kind("label_map", label_map, LabelMap, "a LabelMap, such as Composition.solution")
     check_kind("solver", solver, (CutSolver, type(None)), "a CutSolver or None")
     check_kind("search", search, SearchOptions, "SearchOptions")
+    check_choice("whole", whole, (True, False))
     check_function("progress", progress)
     shape = labelling.canvas.shape
     if fixed is not None:
@@ -113,9 +114,8 @@ def recut(
     if solver is None:
         solver = CutSolver("auto", None, labelling.forbidden, flow_nodes=_FLOW_NODES)
     started = time.perf_counter()
-    problem = Problem(labelling, solver, search, None, Progressed(progress))
     if whole:
-        opened = np.ones(shape, bool)  # only its box counts
+        opened = np.ones(shape, bool)
     elif opened is None:
         opened = _window_round(_wrong(labelling, label_map.labels, fixed))
     elif not isinstance(opened, TileMap):
@@ -221,7 +221,6 @@ def _box_round(opened: Mask) -> Box | None:
     for block in blocks(canvas):
         inside = opened[block.slices] if uniform(opened, block) is not np.False_ else None
         if inside is not None and inside.any():
-            rows, columns = box_of(inside)
-            own = Box(rows.start, columns.start, rows.stop, columns.stop).moved(*block[:2])
+            own = Box.of(*box_of(inside)).moved(*block[:2])
             found = own if found is None else found.around(own)
     return None if found is None else found.grown(1).shared(canvas)

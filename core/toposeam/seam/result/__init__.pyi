@@ -2,9 +2,12 @@ from .apply import labels_from_paths
 from .drawing import draw_seams
 from .likeness import seam_verdict
 from .seam import Seam, apply_paths, knows_potential, potential_on_window, seam_of
-from .verdict import Verdict, verdict_of, worst_of
+from .verdict import HALF_COST, SQUARE_PX, UNSEEN, Verdict, verdict_of, worst_of
 
 __all__ = [
+    "HALF_COST",
+    "SQUARE_PX",
+    "UNSEEN",
     "Seam",
     "Verdict",
     "apply_paths",

@@ -19,9 +19,9 @@ import numpy as np
 import numpy.typing as npt
 
 #: Side of the squares over which costs are averaged, px.
-_SQUARE_PX = 16
+SQUARE_PX = 16
 #: Mean cost per interface at which the likeness is one half.
-_HALF_COST = 18.0
+HALF_COST = 18.0
 #: Share of a seam's interfaces that are its worst part.
 _WORST_SHARE = 0.1
 #: Least likeness of the worst part of a seam that counts as not to be seen.
@@ -98,10 +98,10 @@ def verdict_of(
     """
     if not len(cost):
         return Verdict(mean=1.0, worst=1.0, where=None)
-    _, square = np.unique(np.stack([y // _SQUARE_PX, x // _SQUARE_PX]), axis=1, return_inverse=True)
+    _, square = np.unique(np.stack([y // SQUARE_PX, x // SQUARE_PX]), axis=1, return_inverse=True)
     square = square.ravel()
     count = np.bincount(square)
-    likeness = 1 / (1 + np.bincount(square, cost) / count / _HALF_COST)
+    likeness = 1 / (1 + np.bincount(square, cost) / count / HALF_COST)
     means = (np.bincount(square, along) / count for along in (x, y))
     return _of_squares(np.stack([*means, likeness, count], axis=1))
 

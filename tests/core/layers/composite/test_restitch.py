@@ -40,6 +40,18 @@ def test_what_was_found_applied_again_is_the_same(layers):
     assert after.cost == pytest.approx(before.cost)
 
 
+def test_strokes_that_ask_for_what_shows_leave_a_path_as_it_is(layers):
+    before = ts.stitch(layers[:2])
+    path = {(0, 1): straight(41, 80)}
+    bent = ts.layers.restitch(layers[:2], before.masks, path)
+    fixed = np.full(bent.shape, -1, np.int16)
+    fixed[10:20, 35:38] = 0
+    after = ts.layers.restitch(layers[:2], before.masks, path, fixed=fixed)
+    np.testing.assert_array_equal(after.label_map, bent.label_map)
+    assert after.seams[0].settings == bent.seams[0].settings
+    assert after.cost == bent.cost
+
+
 def test_soft_blending_feathers_along_a_path(layers):
     before = ts.stitch(layers[:2])
     path = {(0, 1): straight(41, 80)}

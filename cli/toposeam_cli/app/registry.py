@@ -36,6 +36,8 @@ COMMANDS = {
     "gimp": "Filters > TopoSeam in GIMP 3.",
 }
 
+#: No jobs of a batch: the command that runs others, and the one that waits for somebody at a browser.
+NO_JOBS = ("batch", "edit")
 
 #: Settings of every command, also when it is used without the group: click keeps the first help option it has
 #: made.

@@ -28,5 +28,5 @@ def run_command(command: str, words: Sequence[str], manner: Sequence[str] = ()) 
 
 def commands_with_outputs() -> dict[str, click.Command]:
     """Return the commands that make files, by name."""
-    commands = {name: registry.load(name) for name in registry.COMMANDS if name != "batch"}
+    commands = {name: registry.load(name) for name in registry.COMMANDS if name not in registry.NO_JOBS}
     return {name: command for name, command in commands.items() if any(map(is_output, command.params))}

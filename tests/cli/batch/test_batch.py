@@ -226,6 +226,10 @@ ENTRY = '\n[[stitch]]\nfirst = "left_0.png"\nsecond = "right_0.png"\noverlap = "
 @pytest.mark.parametrize(
     ("text", "phrases"),
     [
+        (
+            '[[edit]]\npictures = ["a_left.png"]\noutput = "o.png"\n',
+            ["edit", "nothing to be done in a batch"],
+        ),
         ("[[stitch]]\nfirst = \n", ["not TOML", "line 2"]),
         ("\n\nfirst = 'a\n", ["not TOML", "end of document"]),
         ("a = 1\na = 2\n", ["not TOML", "line 2"]),

@@ -109,8 +109,10 @@ export class Shell {
 
   // --- save
   save() {
-    if (this.saving || !this.page || !this.owner) return;
+    if (!this.page || !this.owner) return;
+    if (this.saving) { this.again = true; return; }
     this.saving = true;
+    this.again = false;
     this.cancelButton.hidden = false;
     this.progress(0);
     this.send({ kind: 'save', format: this.format });
@@ -131,6 +133,7 @@ export class Shell {
 
   saved(head) {
     this.ended();
+    if (this.again) this.save();
     if (head.download && this.owner) {
       const link = make('a', { href: `saved/${head.download}`, download: head.text });
       link.click();

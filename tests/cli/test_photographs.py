@@ -180,15 +180,14 @@ def white():
 
 @pytest.mark.medium
 @pytest.mark.parametrize("output", ["out.png", "out.jpg", "out.tif"])
-def test_warped_pictures_are_cropped_inside(views, toposeam, output):
+def test_warped_pictures_are_fitted_to_a_rectangle(views, toposeam, output):
     ran = joined(toposeam, "two.toml", "-o", output)
-    share = int(re.search(r"cropped to what has no holes, from \d+,\d+ \((\d+) % of it\)", ran.out)[1])
-    assert 50 < share < 95
-    height, width, channels = pixels(output).shape
-    assert channels == 3
-    joined(toposeam, "two.toml", "-o", "whole.png", "--crop", "outside")
-    whole = pixels("whole.png").shape
-    assert round(100 * height * width / whole[0] / whole[1]) == share
+    share = int(re.search(r" px, (\d+) % kept, ", ran.out)[1])
+    assert pixels(output).shape[2] == 3
+    inside = json.loads(joined(toposeam, "two.toml", "-o", "in.png", "--crop", "inside", "--json").out)
+    assert 100 * inside["kept"] < share <= 100
+    whole = json.loads(joined(toposeam, "two.toml", "-o", "all.png", "--crop", "outside", "--json").out)
+    assert whole["kept"] == 1
 
 
 @pytest.mark.medium
@@ -283,12 +282,12 @@ def test_scans_as_photographs_are_matched_blended_cropped(views, toposeam):
     darkened(views, "t.png", 0.7)
     place = "--offset", "130,24"
     photographs = *CROPS, *place, "--as", "photographs"
-    assert "cropped to what has no holes" in joined(toposeam, *photographs, "-o", "out.png").out
-    explicit = "--match-shading", "--blend", "multiband", "--crop", "inside"
+    assert "% kept" in joined(toposeam, *photographs, "-o", "out.png").out
+    explicit = "--match-shading", "--blend", "multiband", "--crop", "fit"
     joined(toposeam, *CROPS, *place, *explicit, "-o", "explicit.png")
     assert Path("out.png").read_bytes() == Path("explicit.png").read_bytes()
     joined(toposeam, *photographs, "--blend", "none", "-o", "hard.png")
-    joined(toposeam, *CROPS, *place, "--match-shading", "--crop", "inside", "-o", "shaded.png")
+    joined(toposeam, *CROPS, *place, "--match-shading", "--crop", "fit", "-o", "shaded.png")
     assert Path("hard.png").read_bytes() == Path("shaded.png").read_bytes()
     joined(toposeam, *photographs, "--no-match-shading", "--crop", "outside", "-o", "stepped.png")
     joined(toposeam, *CROPS, *place, "--blend", "multiband", "-o", "blended.png")
@@ -797,7 +796,7 @@ def test_windows_of_a_layout_are_the_picture_in_memory(views, toposeam, monkeypa
     joined(toposeam, "two.toml", "-o", f"memory-{output}")
     monkeypatch.setattr(placing, "STORED_PIXELS", 0)
     ran = joined(toposeam, "two.toml", "-o", output, "-j", "1")
-    assert "cropped to what has no holes" in ran.out
+    assert "% kept" in ran.out
     assert_alike(pixels(output), pixels(f"memory-{output}"))
 
 
@@ -873,18 +872,15 @@ def test_points_are_read_from_a_table(views, toposeam, sole):
 
 @pytest.mark.medium
 def test_edges_are_filled_as_far_as_asked(views, toposeam, sole):
-    plain = joined(toposeam, *TWO, "-o", "plain.png")
-    ran = joined(toposeam, *TWO, "-o", "filled.png", "--fill-edges", "12")
-    share = re.search(r"holes, from (\d+),(\d+) .*, (\d+\.\d) % of its pixels filled\n$", ran.out)
-    corner = re.search(r"holes, from (\d+),(\d+) ", plain.out)
-    assert share
-    assert corner
+    words = *TWO, "--json", "-o"
+    plain = json.loads(joined(toposeam, *words, "plain.png", "--crop", "inside").out)
+    ran = json.loads(joined(toposeam, *words, "filled.png", "--fill-edges", "12").out)
     small, large = pixels("plain.png"), pixels("filled.png")
-    left, top = (int(corner[k]) - int(share[k]) for k in (1, 2))
+    left, top = np.subtract(plain["crop"], ran["crop"])[:2]
     assert min(left, top) >= 0
     assert large.shape[0] > small.shape[0]
     assert large.shape[1] >= small.shape[1]
-    assert 0 < float(share[3]) < 15
+    assert 0 < ran["filled"] < 0.15
     inner = large[top : top + small.shape[0], left : left + small.shape[1]]
     assert (inner[9:-9, 9:-9] == small[9:-9, 9:-9]).mean() > 0.98  # but for a band round what was filled
     assert (large.max(axis=2) == 0).mean() < 0.001  # nothing is left black

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +21,13 @@ from toposeam_cli.files.writing import all_or_nothing
 from toposeam_cli.stitching.inputs import LAYOUTS, PlacedPictures, arrange
 from toposeam_cli.stitching.joining import join
 from toposeam_cli.stitching.outputs import Outputs, check_outputs, crop_of, numbered, output_options
-from toposeam_cli.stitching.place_options import FindingOptions, finding_options, kind_of, with_defaults
+from toposeam_cli.stitching.place_options import (
+    FindingOptions,
+    finding_options,
+    is_fitted,
+    kind_of,
+    with_defaults,
+)
 from toposeam_cli.stitching.positions import Where, position_options, width_round
 from toposeam_cli.stitching.rendering import render, write
 from toposeam_cli.stitching.report import (
@@ -159,10 +166,11 @@ def _stitch(
             executor=means.workers,
             stores=means.stores,
             finding=finding.of(files if layout is None else layout.files),
+            fits=partial(is_fitted, finding=finding, out=out),
         )
     for reason in job.skipped:
         say(f"left out: {reason}", err=True)
-    kind = kind_of(job, finding)
+    kind = kind_of(job.transforms, finding, found=job.placement is not None)
     find, out = with_defaults(find, out, kind)
     if not all(isinstance(layer.image, Windows) for layer in job.layers):
         means = dataclasses.replace(means, workers=None)

@@ -21,7 +21,7 @@ SETTINGS: dict[str, tuple[str, ...]] = {
     "level": ("yes", "no"),
     "blend": ("none", "feather", "soft", "multiband", "gradient"),
     "tones": ("none", "gains", "shading"),
-    "crop": ("inside", "outside"),
+    "crop": ("fit", "inside", "outside"),
 }
 
 

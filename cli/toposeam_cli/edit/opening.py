@@ -26,7 +26,7 @@ from toposeam_cli.media.layouts.layout import Layout, LayoutStroke
 from toposeam_cli.stitching.inputs import LAYOUTS, PlacedPictures, arrange
 from toposeam_cli.stitching.joining import join
 from toposeam_cli.stitching.outputs import Outputs
-from toposeam_cli.stitching.place_options import FindingOptions, kind_of, with_defaults
+from toposeam_cli.stitching.place_options import FindingOptions, is_fitted, kind_of, with_defaults
 from toposeam_cli.stitching.positions import Where
 from toposeam_cli.stitching.saved_layout import saved_layout, taken_layout
 from toposeam_cli.stitching.search_options import Means, SeamOptions, strangers
@@ -111,6 +111,7 @@ def open_work(work: Work, progress: Callable[[float], None] | None = None) -> Op
             layout = taken_layout(source[0], given)
         where, find = taken(Where, given), SeamOptions.taken(given)
         out, finding = taken(Outputs, given), taken(FindingOptions, given)
+        fits = partial(is_fitted, finding=finding, out=out)
         preview = ReducedPictures()
         job = arrange(
             source,
@@ -121,9 +122,10 @@ def open_work(work: Work, progress: Callable[[float], None] | None = None) -> Op
             progress=progress,
             finding=finding.of(source if layout is None else layout.files),
             lay=preview,
+            fits=fits,
         )
         check_count(len(job.layers))
-        kind = kind_of(job, finding)
+        kind = kind_of(job.transforms, finding, found=job.placement is not None)
         find, out = with_defaults(find, out, kind)
         if job.wrap is not None:
             find = find.with_stitch(wrap=round(job.wrap * preview.scale))

@@ -36,7 +36,9 @@ class ReducedPictures:
     #: Per picture, from its own pixels to the preview.
     transforms: tuple[Transform, ...] = field(default=())
 
-    def __call__(self, layers: Sequence[ts.Layer], transforms: Sequence[Transform]) -> Sequence[ts.Layer]:
+    def __call__(
+        self, layers: Sequence[ts.Layer], transforms: Sequence[Transform], wrap: int | None
+    ) -> Sequence[ts.Layer]:
         """Return the layers, reduced and warped onto the preview.
 
         Raises
@@ -47,7 +49,7 @@ class ReducedPictures:
         self.scale = self._scale(layers, transforms)
         if self.scale == 1:
             self.transforms = tuple(transforms)
-            return placed_layers(layers, transforms, None, None)
+            return placed_layers(layers, transforms)
         reduced, by = [], []
         for layer, transform in zip(layers, transforms, strict=True):
             small = _reduced(layer, self.scale)
@@ -56,7 +58,7 @@ class ReducedPictures:
             reduced.append(small)
             by.append(ReducedTransform(transform, 1 / self.scale, (width / columns, height / rows)))
         self.transforms = tuple(ReducedTransform(one, 1 / self.scale, 1) for one in transforms)
-        return placed_layers(reduced, by, None, None)
+        return placed_layers(reduced, by)
 
     def _scale(self, layers: Sequence[ts.Layer], transforms: Sequence[Transform]) -> float:
         """Return the size of the preview ÷ that of the result."""

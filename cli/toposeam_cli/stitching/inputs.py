@@ -16,6 +16,7 @@ import toposeam as ts
 from toposeam.images import full_scale
 from toposeam.layers.canvas.transforms import (
     CameraTransform,
+    FittedTransform,
     MeshTransform,
     Transform,
     is_move,
@@ -37,6 +38,8 @@ if TYPE_CHECKING:
     from toposeam_cli.files.scratch import Scratch
     from toposeam_cli.media.layouts.layout import LayoutLayer
 
+#: Whether the boundary of a canvas is bent, by the transforms of its pictures and whether these were found.
+Fits: TypeAlias = Callable[..., bool]
 #: Metadata of a photograph, by EXIF tag.
 _Notes: TypeAlias = Mapping[int, Any]
 
@@ -74,6 +77,8 @@ class PlacedPictures:
     #: The transform of each picture's pixels to the canvas, and the width of a round canvas, px.
     transforms: tuple[Transform, ...] = ()
     wrap: int | None = None
+    #: How the boundary of the canvas is bent; None where it is not.
+    boundary: MeshTransform | None = None
     #: If some pictures were left out: the number of each layer among the given ones, and the names of those
     #: left out.
     numbers: tuple[int, ...] = ()
@@ -88,7 +93,12 @@ class PlacedPictures:
 
     def warped(self, index: int) -> bool:
         """Test whether a picture was transformed by more than a translation."""
-        return not is_move(self.transforms[index])
+        return self.boundary is not None or not is_move(self.transforms[index])
+
+    @property
+    def onto_canvas(self) -> tuple[Transform, ...]:
+        """The transform of each picture's pixels to the canvas with its bent boundary."""
+        return fitted_transforms(self.transforms, self.boundary, self.wrap)
 
     def number(self, key: str) -> int | None:
         """Find a layer by its number, counted from 0 among the given pictures, or its name; None if it was
@@ -154,6 +164,8 @@ class _Reading:
     numbers: list[int] = field(default_factory=list)
     lost: list[str] = field(default_factory=list)
     names: Sequence[str] = ()
+    #: The bent boundary that a layout has.
+    boundary: MeshTransform | None = None
 
     def read(self, files: Sequence[Path], names: Sequence[str]) -> Iterator[tuple[int, Picture]]:
         """Yield the pictures that can be read, with their numbers."""
@@ -190,11 +202,48 @@ class _Reading:
             self.lost.append(self.names[self.numbers.pop(number)])
         self.reasons += [reasons[number] for number in sorted(reasons) if number not in silently]
 
+    def forget_boundary(self, turned: bool) -> None:
+        """Forget the boundary of a layout whose canvas shows another view."""
+        self.boundary = None if turned else self.boundary
+
     def _with_remedy(self, error: ts.ImageError, count: int) -> ts.ImageError:
         """Point to ``--skip-bad`` in an error about one of `count` pictures, if enough would be left."""
         if self.skips is None or count <= 2:
             return error
         return error.within("{error}; --skip-bad leaves out what cannot be read")
+
+
+@dataclass(slots=True)
+class _Laying:
+    """Lays pictures on a canvas, whose boundary is bent where that is given or asked for."""
+
+    place: Callable[[Sequence[ts.Layer], Sequence[Transform], int | None], Sequence[ts.Layer]]
+    boundary: MeshTransform | None
+    #: Tells whether it is asked for; and whether the places are found.
+    fits: Fits | None
+    found: bool
+
+    def __call__(
+        self, layers: Sequence[ts.Layer], transforms: Sequence[Transform], wrap: int | None
+    ) -> Sequence[ts.Layer]:
+        transforms = tuple(map(settled, transforms))
+        asked = self.fits is not None and self.fits(transforms, found=self.found)
+        if self.fits is not None and not asked:
+            self.boundary = None  # all is kept unbent, or cropped otherwise
+        if self.boundary is None and asked:
+            from toposeam.layers.boundary.fit import fitted_boundary
+
+            self.boundary = fitted_boundary(layers, transforms, wrap)
+        return self.place(layers, fitted_transforms(transforms, self.boundary, wrap), wrap)
+
+
+def fitted_transforms(
+    transforms: Sequence[Transform], boundary: MeshTransform | None, wrap: int | None
+) -> tuple[Transform, ...]:
+    """Return transforms onto a canvas whose boundary may be bent."""
+    if boundary is None:
+        return tuple(transforms)
+    return tuple(FittedTransform(one, boundary, wrap) for one in transforms)
 
 
 def _read(item: tuple[Path, int, Path | None]) -> Picture | ts.ImageError:
@@ -230,13 +279,15 @@ def arrange(
     stores: bool = False,
     finding: PlaceFinding | None = None,
     lay: Places | None = None,
+    fits: Fits | None = None,
 ) -> PlacedPictures:
     """Read pictures, or the layers of one OpenRaster file or layout, and place them.
 
     With `scratch` the pixels of many pictures, or with `stores` of all, are kept there instead of in memory,
     and an executor may decode several pictures at a time. With `alone` a single picture is accepted, and
     pictures without a given place lie at 0,0. `finding` has the options of finding places. `lay` lays
-    pictures on the canvas by their transforms, if they are not to be warped at full size.
+    pictures on the canvas by their transforms, if they are not to be warped at full size; `fits` tells
+    whether its boundary is bent to come nearer to a rectangle.
 
     Raises
     ------
@@ -256,7 +307,9 @@ def arrange(
         keep = partial(store, scratch=kept)
     reading = _Reading(limit=limit, scratch=kept, skips=skip_bad, executor=executor, elsewhere=stores)
     sources, wrap = _sources(files, where, reading, 1 if alone else 2)
+    shown = sources
     sources, wrap, finding = _viewed(sources, wrap, finding)
+    reading.forget_boundary(sources is not shown)
     pictures = match_pictures([source.picture for source in sources], keep)
     transforms = _given_places(sources, pictures, where, reading, len(files), alone=alone)
     notes = [noted(source.file) for source in sources]
@@ -269,7 +322,12 @@ def arrange(
     sources = _with_masks(named, sources, masks, keeps)
     layers = _masked(named.layers, sources, limit)
     most = canvas_megapixels(max_megapixels)
-    place: Places = lay or partial(placed_layers, scratch=kept, executor=executor, max_megapixels=most)
+    place = _Laying(
+        lay or partial(placed_layers, scratch=kept, executor=executor, max_megapixels=most),
+        reading.boundary,
+        fits,
+        not transforms,
+    )
     placement = None
     other_groups: tuple[tuple[Path, ...], ...] = ()
     if not transforms:
@@ -293,7 +351,7 @@ def arrange(
             f"{finding.named[0]} is for places that are found, and here they are given; leave it out"
         )
     else:
-        layers = list(place(layers, transforms))
+        layers = list(place(layers, transforms, wrap))
     if len(layers) == 2 and not alone:
         _check_touching(*layers)
     return replace(
@@ -309,6 +367,7 @@ def arrange(
         stored=kept is not None,
         transforms=tuple(map(settled, transforms)),
         wrap=wrap,
+        boundary=place.boundary,
     )
 
 
@@ -362,6 +421,8 @@ def _viewed(
         return sources, wrap, finding
     asked: dict[str, Any] = {"fov": finding.options.fov, "projection": finding.options.projection}
     asked = {key: value for key, value in asked.items() if value not in (None, "auto")}
+    if not asked:
+        return sources, wrap, replace(finding, named=())
     shown = [
         replace(source, transform=replace(camera, **asked))
         for source, camera in zip(sources, cameras, strict=True)
@@ -514,7 +575,7 @@ def _sources(
             from toposeam_cli.media.layouts.any_layout import layout_in
 
             layout = layout_in(files[0])
-            placed, wrap = layout.layers, layout.wrap
+            placed, wrap, reading.boundary = layout.layers, layout.wrap, layout.boundary
             _check_extent(placed, reading.limit)
             read = reading.read([layer.file for layer in placed], [layer.name for layer in placed])
             sources = [

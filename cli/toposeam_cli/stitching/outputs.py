@@ -28,6 +28,8 @@ from toposeam_cli.media.pictures.background import colour_of
 from toposeam_cli.media.pictures.deep_zoom import check_deep_zoom, write_deep_zoom
 from toposeam_cli.media.pictures.picture import COMPRESSIONS, Keep, Picture, write_picture
 
+#: What is kept of a joined picture.
+CROPS = ("fit", "inside", "outside")
 #: Formats that know no transparency.
 OPAQUE = (".jpg", ".jpeg")
 
@@ -73,9 +75,10 @@ def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "--crop",
             heading="Output",
             kept=True,
-            type=click.Choice(["inside", "outside"]),
-            help="The largest rectangle without holes, or all of it; inside for formats without "
-            "transparency.",
+            type=click.Choice(CROPS),
+            help="fit: bend the boundary a little, fill slivers and keep most of it, the default of "
+            "photographs; inside: the largest rectangle without holes, that of formats without transparency; "
+            "outside: all of it.",
         ),
         option(
             "--fill-edges",
@@ -222,6 +225,10 @@ def check_outputs(out: Outputs) -> None:
     if suffix == ".ora" and (out.crop is not None or out.background is not None):
         raise ts.OptionError("--crop and --background are for pictures; an .ora file keeps all of the layers")
     if out.fill_edges is not None:
+        if out.crop == "fit":
+            raise ts.OptionError(
+                "--crop fit fills what it needs, and --fill-edges says how far; leave one out"
+            )
         kept = {".ora": suffix == ".ora", "--crop outside": out.crop == "outside"}
         kept["--background"] = out.background is not None
         for name in (name for name, given in kept.items() if given):
@@ -250,6 +257,8 @@ def foreign_to(suffix: str) -> set[str]:
 
 def crop_of(out: Outputs, layers: Sequence[ts.Layer], *, goes_round: bool) -> str:
     """Return the crop of the picture; refuse in advance one that the format of the output cannot hold."""
+    if out.crop == "fit":
+        return "fit"
     if goes_round:
         keeps_holes = out.fill_edges is None and (out.has_alpha or out.background is not None)
         return out.crop or ("outside" if keeps_holes else "inside")

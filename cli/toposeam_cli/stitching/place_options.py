@@ -19,7 +19,7 @@ from toposeam.layers.registration.placement import MODELS
 from toposeam_cli.app.command import option
 from toposeam_cli.app.options import FILE, FiniteRange
 from toposeam_cli.files.tables import read_text
-from toposeam_cli.stitching.inputs import PlacedPictures, PlaceFinding, picture_number
+from toposeam_cli.stitching.inputs import PlaceFinding, picture_number
 from toposeam_cli.stitching.outputs import Outputs
 from toposeam_cli.stitching.search_options import SeamOptions
 
@@ -105,7 +105,7 @@ def finding_options(command: Callable[..., Any]) -> Callable[..., Any]:
             heading="Finding places",
             kept=True,
             type=click.Choice(KINDS),
-            help="photographs: match shading, blend in bands, crop to what has no holes, the default where "
+            help="photographs: match shading, blend in bands, fit to a rectangle, the default where "
             "pictures were warped; scans: nothing of it, the default elsewhere and with --exact.",
         ),
     )
@@ -232,12 +232,19 @@ def _is_similarity(transform: Transform) -> bool:
     return isinstance(transform, PlaneTransform) and not transform.matrix[2, :2].any()
 
 
-def kind_of(job: PlacedPictures, finding: FindingOptions) -> str:
-    """Tell photographs from scans, unless somebody said it."""
+def kind_of(transforms: Sequence[Transform], finding: FindingOptions, *, found: bool) -> str:
+    """Tell photographs from scans, unless somebody said it; places may have been `found` or given."""
     if finding.kind is not None:
         return finding.kind
-    found = job.placement is not None and not finding.exact
-    return KINDS[all(map(is_move if found else _is_similarity, job.transforms))]
+    return KINDS[all(map(is_move if found and not finding.exact else _is_similarity, transforms))]
+
+
+def is_fitted(transforms: Sequence[Transform], finding: FindingOptions, out: Outputs, *, found: bool) -> bool:
+    """Test whether the boundary of a canvas is bent towards a rectangle."""
+    if out.crop is not None or out.output.suffix.lower() == ".ora":
+        return out.crop == "fit"
+    given = out.background is not None or out.fill_edges is not None
+    return not given and kind_of(transforms, finding, found=found) == "photographs"
 
 
 def with_defaults(find: SeamOptions, out: Outputs, kind: str) -> tuple[SeamOptions, Outputs]:
@@ -252,5 +259,5 @@ def with_defaults(find: SeamOptions, out: Outputs, kind: str) -> tuple[SeamOptio
         blend=find.of_stitch("blend") or ("multiband" if photographs else "none"),
     )
     if photographs and out.crop is None and out.background is None and out.output.suffix.lower() != ".ora":
-        out = replace(out, crop="inside")
+        out = replace(out, crop="inside" if out.fill_edges is not None else "fit")
     return find, out

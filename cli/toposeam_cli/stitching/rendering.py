@@ -68,6 +68,9 @@ def render(
     OutputError
         If the disk is full.
     """
+    if crop == "fit":
+        composed = ts.layers.fitted(composed)
+        crop = "outside" if composed.period is not None and out.has_alpha else "inside"
     if job.stored and scratch is not None:
         from toposeam_cli.stitching.file_sink import render_to_files
 
@@ -75,7 +78,7 @@ def render(
         picture, view, written = render_to_files(composed, like, out, crop, scratch, progress, executor)
         return Rendered(composition=composed.crop(view), picture=picture, written=written)
     image, alpha = composed.image, composed.alpha
-    filled, view = 0.0, Box(0, 0, *composed.shape)
+    filled, view = composed.filled, Box(0, 0, *composed.shape)
     if alpha is not None and crop == "inside":
         image, view, filled = _cropped_inside(image, alpha, out)
         alpha = None

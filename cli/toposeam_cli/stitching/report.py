@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 #: Residual, px, above which a pair of pictures is reported, as a step of 2 px in an edge is visible; and the
 #: largest number of pairs that are named.
 _VISIBLE_PX, _MOST_NAMED = 2.0, 4
+#: Share of what pictures show below which a crop is told first.
+_LITTLE = 0.75
 
 
 def is_read(quiet: bool) -> bool:
@@ -73,12 +75,12 @@ def line_of_job(
     """Describe a result for people: the places of its pictures, then one line."""
     composed = rendered.composition
     height, width = composed.shape
-    text = f"{out.output}: {width} × {height} px, {_describe_seams(composed, executor)}"
-    if rendered.at is not None:
-        whole = composed.canvas.shape
-        text += f", cropped to what has no holes, from {rendered.at[0]},{rendered.at[1]}"
-        text += f" ({100 * height * width / (whole[0] * whole[1]):.0f} % of it)"
-        text += _kept_by(out) if composed.shape != whole else ""
+    size, kept = f"{width} × {height} px", f"{100 * composed.kept:.0f} % kept"
+    if rendered.at is not None and composed.kept < _LITTLE:
+        size = f"only {kept}{_kept_by(out)}; {size}"
+    elif rendered.at is not None:
+        size = f"{size}, {kept}"
+    text = f"{out.output}: {size}, {_describe_seams(composed, executor)}"
     if click.get_current_context().params.get("give"):
         text += f", bent by up to {composed.bent:.1f} px" if composed.bent else ", bent nowhere"
     if rendered.filled:
@@ -125,7 +127,7 @@ def _kept_by(out: Outputs) -> str:
     if ParameterSource.COMMANDLINE in given:
         return ""
     ground = "" if out.has_alpha else " --background white"
-    return f"; --crop outside{ground} keeps all"
+    return f", --crop outside{ground} keeps all"
 
 
 def _describe_alignment(layers: tuple[ts.Layer, ...], aligned: ts.layers.Aligned | None) -> list[str]:

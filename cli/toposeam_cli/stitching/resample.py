@@ -34,8 +34,9 @@ _LONGEST = 10**9
 def placed_layers(
     layers: Sequence[ts.Layer],
     transforms: Sequence[Transform],
-    scratch: Scratch | None,
-    executor: Executor | None,
+    wrap: int | None = None,
+    scratch: Scratch | None = None,
+    executor: Executor | None = None,
     max_megapixels: float = ts.MAX_PIXELS / 1e6,
 ) -> list[ts.Layer]:
     """Put layers on the canvas.

@@ -113,7 +113,7 @@ def named_files(path: Path, command: click.Command) -> list[Path]:
 
 def painted(layout: Layout, job: PlacedPictures, find: SeamOptions) -> dict[str, Any]:
     """Return the strokes and the label map of a layout as keywords of :func:`toposeam.stitch`; the label map
-    is that of one view of the canvas.
+    is that of one view of the canvas and its boundary.
 
     Raises
     ------
@@ -133,10 +133,13 @@ def painted(layout: Layout, job: PlacedPictures, find: SeamOptions) -> dict[str,
             raise ts.OptionError("--align moves warped pictures from under their strokes; leave it out")
         found["strokes"] = strokes
         found["transforms"] = [
-            transform if job.warped(index) else None for index, transform in enumerate(job.transforms)
+            transform if job.warped(index) else None for index, transform in enumerate(job.onto_canvas)
         ]
-    if (labels := layout.labels) is not None and _view(job.transforms) == _view(
-        [layer.transform for layer in layout.layers]
+    bent_alike = (layout.boundary is None) == (job.boundary is None)
+    if (
+        (labels := layout.labels) is not None
+        and bent_alike
+        and _view(job.transforms) == _view([layer.transform for layer in layout.layers])
     ):
         from toposeam_cli.media.layouts.label_picture import read_labels
 
@@ -244,6 +247,7 @@ def saved_layout(
     layout = Layout(
         layers=tuple(layers),
         wrap=job.wrap,
+        boundary=job.boundary,
         options={"as": kind} | options,
         strokes=tuple(painting.get("strokes", ())),
         labels=labels,

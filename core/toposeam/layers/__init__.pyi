@@ -3,6 +3,7 @@ from .canvas.canvas import Canvas, common_canvas
 from .canvas.resampling import placed
 from .canvas.side_by_side import overlapping
 from .composite.composition import Composition
+from .composite.fitting import fitted
 from .composite.options import StitchOptions
 from .composite.restitch import restitch
 from .composite.sinks import ArraySink, Sink
@@ -32,6 +33,7 @@ __all__ = [
     "apply_strokes",
     "common_canvas",
     "correlations",
+    "fitted",
     "keep_costs",
     "match_tones",
     "overlapping",

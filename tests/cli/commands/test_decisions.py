@@ -32,9 +32,9 @@ def rimmed(folder, photographs, request, monkeypatch):
 def test_a_crop_begins_where_it_says(rimmed, toposeam):
     for crop in ("outside", "inside"):
         outputs = "-o", f"{crop}.png", "--overlay", f"{crop}-seam.png"
-        ran = toposeam(*rimmed, *outputs, "--crop", crop)
+        ran = toposeam(*rimmed, *outputs, "--crop", crop, "--json")
         assert ran.code == 0, ran
-    assert f"cropped to what has no holes, from {LEFT},{TOP} " in ran.out
+    assert json.loads(ran.out)["crop"][:2] == [LEFT, TOP]
     for name in ("", "-seam"):
         whole, part = (read_picture(f"{crop}{name}.png").pixels for crop in ("outside", "inside"))
         np.testing.assert_array_equal(part, whole[TOP:, LEFT:])

@@ -122,7 +122,8 @@ def test_figures_are_the_same_of_pictures_in_files(row, toposeam, monkeypatch, w
     assert stored == facts
     seconds = r"\d+\.\d\d s"
     assert re.sub(seconds, "", stored_line) == re.sub(seconds, "", line)
-    assert (" px, seam of " if "two" in way else " px, 3 layers, 2 seams of ") in line
+    found = "seam of " if "two" in way else "3 layers, 2 seams of "
+    assert re.search(rf" px,( \d+ % kept,)? {found}", line)
 
 
 @pytest.mark.medium

@@ -10,7 +10,7 @@ const SETTINGS = {
   level: ['yes', 'no'],
   blend: ['auto', 'multiband', 'feather', 'soft', 'gradient', 'none'],
   tones: ['auto', 'shading', 'gains', 'none'],
-  crop: ['auto', 'inside', 'outside'],
+  crop: ['auto', 'fit', 'inside', 'outside'],
 };
 
 const PLACING = ['model', 'projection', 'level'];

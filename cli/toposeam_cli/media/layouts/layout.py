@@ -41,6 +41,16 @@ B-spline on square cells, those of the picture's first pixel in the second row a
 
     mesh = { size = [512, 384], cell = 32.0, x = [[0.0, 0.1, …], …], y = [[0.0, 0.0, …], …] }
 
+Where the picture is fitted to a rectangle, the boundary of the canvas is bent in the same way, by
+displacements from `at` on::
+
+    [boundary]
+    at = [-3, 0]
+    size = [1911, 868]
+    cell = 53.1
+    x = [[0.0, 0.1, …], …]
+    y = [[0.0, 0.0, …], …]
+
 What was chosen has the names of the command's options; those that the command line gives win. Strokes are
 painted on a picture, in its own pixels, and later ones win. Labels are the seams as they were seen at a
 smaller size, near which those at full size stay. Layers are counted from 0 in the order of this file, also
@@ -101,6 +111,7 @@ _KEYS = ("file", "name", "mask", "keep", "visible", "mesh")
 #: Keys of a layer's transform, of which a layer has one group: a place, a matrix or a camera.
 _PLACE, _MATRIX = ("at", "turn", "scale"), ("matrix",)
 _CAMERA = ("size", "yaw", "pitch", "roll", "focal", "lens", "shift")
+_MESH = ("size", "cell", "x", "y")
 _VIEW = ("projection", "radius", "wrap", "fov")
 #: Most layers of a layout, as of an OpenRaster file, and most strokes.
 MOST_LAYERS, _MOST_STROKES = 1000, 10_000
@@ -152,6 +163,8 @@ class Layout:
     layers: tuple[LayoutLayer, ...]
     #: Width of a canvas that is a whole turn, px; else None.
     wrap: int | None = None
+    #: How the boundary of the canvas is bent; None where it is not.
+    boundary: MeshTransform | None = None
     #: What was chosen, by the names of the command's options: texts, numbers, booleans and lists of them.
     #: Files are named from the layout's folder.
     options: Mapping[str, Any] = field(default_factory=dict)
@@ -176,12 +189,13 @@ def read_layout(path: Path) -> Layout:
         If it cannot be read or has an invalid value; the text names the place.
     """
     table, _ = read_table(path, "a layout", _LARGEST_BYTES)
-    known = {"layer", "view", "stitch", "stroke", "labels"}
+    known = {"layer", "view", "boundary", "stitch", "stroke", "labels"}
     if not isinstance(table, dict) or set(table) - known or not isinstance(table.get("layer"), list):
         surplus = ", ".join(sorted(set(table) - known)) if isinstance(table, dict) else ""
         found = f"it has {surplus}" if surplus else "it has none"
         raise ts.OptionError(
-            f"'{path}' must hold layers, [[layer]], and perhaps [view], [stitch], [[stroke]] and [labels], "
+            f"'{path}' must hold layers, [[layer]], and perhaps [view], [boundary], [stitch], [[stroke]] and "
+            f"[labels], "
             f"but {found}; correct it"
         )
     if len(table["layer"]) > MOST_LAYERS:
@@ -200,6 +214,7 @@ def read_layout(path: Path) -> Layout:
     return Layout(
         layers=tuple(visible),
         wrap=view.wrap,
+        boundary=_boundary(path, table["boundary"]) if "boundary" in table else None,
         options=options,
         strokes=_strokes(path, table.get("stroke", []), [_name(entry) for entry in table["layer"]], numbers),
         labels=_labels(path, table["labels"]) if "labels" in table else None,
@@ -400,21 +415,30 @@ def _camera(where: str, entry: dict[str, Any], view: _View) -> Transform:
     )
 
 
-def _mesh(where: str, entry: Any, base: Transform) -> Transform:
-    """Return a transform bent by the mesh of a layout."""
-    where = f"{where}, mesh"
-    if not isinstance(entry, dict) or set(entry) != {"size", "cell", "x", "y"}:
+def _mesh(where: str, entry: Any, base: Transform, key: str = "mesh") -> MeshTransform:
+    """Return a transform bent by the mesh of a layout, which stands under that key."""
+    where = f"{where}, {key}"
+    if not isinstance(entry, dict) or set(entry) != set(_MESH):
         raise ts.OptionError(f"{where} is {entry!r}; write its size, cell, x and y")
     width, height = (round(side) for side in _numbers(where, entry, "size", 2))
     cell = _number(where, entry, "cell", math.nan, 1, _LARGEST_NUMBER)
     rows, columns = (math.ceil(side / cell) + 3 for side in (height, width))
     planes = []
-    for key in ("x", "y"):
-        given = entry[key]
+    for plane in ("x", "y"):
+        given = entry[plane]
         if not isinstance(given, list) or len(given) != rows:
-            raise ts.OptionError(f"{where}: {key} is not {rows} rows of {columns} numbers; write these")
-        planes.append([_numbers(where, {key: row}, key, columns) for row in given])
+            raise ts.OptionError(f"{where}: {plane} is not {rows} rows of {columns} numbers; write these")
+        planes.append([_numbers(where, {plane: row}, plane, columns) for row in given])
     return MeshTransform(base, (width, height), cell, np.moveaxis(np.array(planes), 0, -1))
+
+
+def _boundary(path: Path, entry: Any) -> MeshTransform:
+    """Return the bent boundary of a canvas."""
+    where = f"'{path}', boundary"
+    if not isinstance(entry, dict) or set(entry) != {"at", *_MESH}:
+        raise ts.OptionError(f"{where} is {entry!r}; write its at, size, cell, x and y")
+    left, top = (round(edge) for edge in _numbers(where, entry, "at", 2))
+    return _mesh(f"'{path}'", {key: entry[key] for key in _MESH}, similarity((left, top)), "boundary")
 
 
 def _numbers(
@@ -450,6 +474,10 @@ def layout_text(folder: Path, layout: Layout) -> str:
         fov = cameras[0].fov if cameras else None
         view = {"projection": projection, "radius": float(radius), "wrap": layout.wrap, "fov": fov}
         tables.append(_table("[view]", view))
+    if layout.boundary is not None:
+        base = cast(PlaneTransform, layout.boundary.base)
+        at = [round(edge) for edge in base.matrix[:2, 2]]
+        tables.append(_table("[boundary]", {"at": at, **_mesh_entry(layout.boundary)}))
     if layout.options:
         tables.append(_table("[stitch]", layout.options))
     if (labels := layout.labels) is not None:
@@ -496,12 +524,16 @@ def _value(value: Any) -> str:
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
+def _mesh_entry(mesh: MeshTransform) -> dict[str, Any]:
+    x, y = (plane.tolist() for plane in np.moveaxis(mesh.coefficients, -1, 0))
+    return {"size": list(mesh.size), "cell": mesh.cell, "x": x, "y": y}
+
+
 def _transform_entry(transform: Transform) -> dict[str, Any]:
     """Return the keys of a layer's transform, which give :func:`settled` of it when they are read."""
     transform = settled(transform)
     if isinstance(transform, MeshTransform):
-        x, y = (plane.tolist() for plane in np.moveaxis(transform.coefficients, -1, 0))
-        mesh = {"size": list(transform.size), "cell": transform.cell, "x": x, "y": y}
+        mesh = _mesh_entry(transform)
         if isinstance(transform.base, PlaneTransform):
             return {"matrix": transform.base.matrix.tolist(), "mesh": mesh}
         return {**_transform_entry(transform.base), "mesh": mesh}

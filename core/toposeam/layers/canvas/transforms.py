@@ -318,9 +318,52 @@ class MeshTransform:
         return found
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class FittedTransform:
+    """Another transform onto a canvas whose boundary is bent (:mod:`toposeam.layers.boundary`).
+
+    Examples
+    --------
+    >>> boundary = MeshTransform(similarity((0, 0)), (64, 32), 32.0, np.full((4, 5, 2), 1.5))
+    >>> FittedTransform(similarity((10, 0)), boundary).to_canvas(np.array([[3.0, 4.0]])).tolist()
+    [[14.5, 5.5]]
+    """
+
+    base: Transform
+    #: From the canvas to the bent one.
+    boundary: MeshTransform
+    #: Width, px, of a round canvas, whose columns stay where they are; else None.
+    wrap: int | None = None
+
+    def to_canvas(self, points: Floats) -> Floats:
+        """Map (..., 2) points of the picture; NaN where the canvas does not show them."""
+        flat = self.base.to_canvas(points)
+        known = np.isfinite(flat).all(axis=-1, keepdims=True)
+        flat = np.where(known, flat, 0.0)
+        turn = self._turn(flat)
+        found = self.boundary.to_canvas(self.boundary.base.to_picture(flat - turn)) + turn
+        return np.where(known, found, np.nan)
+
+    def to_picture(self, points: Floats) -> Floats:
+        """Map (..., 2) points of the canvas; `NOWHERE` where the picture does not show them."""
+        turn = self._turn(points)
+        flat = self.boundary.base.to_canvas(self.boundary.to_picture(points - turn)) + turn
+        return self.base.to_picture(flat)
+
+    def _turn(self, points: Floats) -> Floats:
+        """Return what moves points into the first turn of a round canvas, with the other sign."""
+        turn = np.zeros_like(points)
+        if self.wrap is not None:
+            left = self.boundary.base.to_canvas(np.zeros(2))[0]
+            turn[..., 0] = np.floor((points[..., 0] - left) / self.wrap) * self.wrap
+        return turn
+
+
 def unbent(transform: Transform) -> Transform:
-    """Return the transform that a mesh displaces, or the transform itself."""
-    return transform.base if isinstance(transform, MeshTransform) else transform
+    """Return the transform that meshes displace, or the transform itself."""
+    while isinstance(transform, MeshTransform | FittedTransform):
+        transform = transform.base
+    return transform
 
 
 @dataclass(frozen=True, slots=True)
@@ -431,6 +474,8 @@ def settled(transform: Transform) -> Transform:
     if isinstance(transform, MeshTransform):
         base = transform.base if isinstance(transform.base, PlaneTransform) else settled(transform.base)
         return replace(transform, base=base, coefficients=transform.coefficients.round(4) + 0.0)
+    if isinstance(transform, FittedTransform):
+        return replace(transform, base=settled(transform.base))
     found = None if is_move(transform) else as_similarity(transform)
     if found is None:
         return transform

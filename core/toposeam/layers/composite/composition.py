@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -18,7 +18,7 @@ from toposeam.layers.blending.blend import Blending, Fading
 from toposeam.layers.canvas.canvas import Canvas, channel_count
 from toposeam.layers.canvas.layer import Box, Layer, cut
 from toposeam.layers.canvas.tile_map import BLOCK, blocks, dense, uniform
-from toposeam.layers.composite.painter import Painter
+from toposeam.layers.composite.painter import Filling, Painter
 from toposeam.layers.composite.seams import KnownSeams, SeamFigures, SeamOutline
 from toposeam.layers.execution.tasks import Executor, results
 from toposeam.layers.labelling.label_map import LabelMap, Pair
@@ -63,6 +63,8 @@ class Composition(PictureResult):
     _seams: KnownSeams | SeamsOfMap
     #: The box of the canvas that the picture shows; it may reach beyond the canvas. None for all of it.
     _view: Box | None = None
+    #: What was filled, as no layer shows there.
+    _patches: tuple[Filling, ...] = ()
 
     def __repr__(self) -> str:
         height, width = self.shape
@@ -121,8 +123,24 @@ class Composition(PictureResult):
         `box` is (top, left, bottom, right) in px of the picture; bottom and right are exclusive. Beyond the
         canvas the result is transparent.
         """
-        top, left = self.view[:2]
-        return dataclasses.replace(self, _view=Box(*box).moved(top, left))
+        view = Box(*box).moved(*self.view[:2])
+        return self._with_painter(dataclasses.replace(self, _view=view))
+
+    def patched(self, patches: Sequence[Filling]) -> Composition:
+        """Return a composition with pixels where no layer shows."""
+        return self._with_painter(dataclasses.replace(self, _patches=(*self._patches, *patches)))
+
+    def _with_painter(self, other: Composition) -> Composition:
+        """Hand on what has been computed of the same canvas, label map and blend."""
+        if "_painter" in self.__dict__:
+            other.__dict__["_painter"] = self._painter
+        if "_picture" in self.__dict__ and other.view.shared(self.view) == other.view:
+            part = other.view.within(self.view)
+            image, alpha = (each[part].copy() for each in self._picture)
+            for patch in other._patches:
+                patch.onto(other.view, image, alpha)
+            other.__dict__["_picture"] = image, alpha
+        return other
 
     def moved(self, right: int, down: int) -> Composition:
         """Return the composition with its canvas moved right and down by px."""
@@ -159,9 +177,28 @@ class Composition(PictureResult):
     @cached_property
     def shown(self) -> tuple[int, ...]:
         """The number of pixels of the picture that show each layer."""
+        return self._shown_in(self.view.shared(self.canvas.box))
+
+    @cached_property
+    def kept(self) -> float:
+        """The share of the pixels that layers show on the canvas that the picture shows, in [0, 1]."""
+        whole = sum(self._shown_in(self.canvas.box))
+        return sum(self.shown) / whole if whole else 1.0
+
+    @cached_property
+    def filled(self) -> float:
+        """The share of the picture's pixels that were filled, as no layer shows there, in [0, 1]."""
+        height, width = self.shape
+        parts = ((patch, patch.box.shared(self.view)) for patch in self._patches)
+        count = sum(
+            int(patch.where[part.within(patch.box)].sum()) for patch, part in parts if all(part.shape)
+        )
+        return count / max(1, height * width)
+
+    def _shown_in(self, whole: Box) -> tuple[int, ...]:
         count = np.zeros(len(self.names) + 1, np.int64)
         labels = self.solution.labels
-        for box in blocks(self.view.shared(self.canvas.box)):
+        for box in blocks(whole):
             value = uniform(labels, box)
             if value is not None:
                 count[value + 1] += box.shape[0] * box.shape[1]
@@ -277,7 +314,7 @@ class Composition(PictureResult):
         are the fastest. The blend "gradient" cannot be computed by windows: the first call computes the whole
         picture.
         """
-        return _painted(self._painter, self._window(rows, columns))
+        return _painted(self._painter, self._patches, self._window(rows, columns))
 
     def render(
         self,
@@ -302,10 +339,11 @@ class Composition(PictureResult):
         boxes = list(self._windows())
         sink.open(self.shape if channels is None else (*self.shape, channels), self.layers[0].image.dtype)
 
-        def item(box: Box) -> tuple[Painter, Box, Box, Sink]:
+        def item(box: Box) -> tuple[Painter, Sequence[Filling], Box, Box, Sink]:
             on_canvas = box.moved(*self.view[:2])
             part = painter if workers is None else painter.part(on_canvas.shared(painter.box))
-            return part, on_canvas, box, sink
+            patches = [patch for patch in self._patches if all(patch.box.shared(on_canvas).shape)]
+            return part, patches, on_canvas, box, sink
 
         for number, (box, answer) in enumerate(
             zip(boxes, results(workers, _rendered, map(item, boxes)), strict=True), start=1
@@ -341,19 +379,22 @@ class Composition(PictureResult):
         return [Fading.of(pair, self._seams.seam(pair)) for pair in self.pairs]
 
 
-def _painted(painter: Painter, box: Box) -> tuple[Image, Image]:
+def _painted(painter: Painter, patches: Sequence[Filling], box: Box) -> tuple[Image, Image]:
     """Paint a box of the canvas; return its pixels and opacity, 0 beyond the canvas."""
     inside = box.shared(painter.box)
     if inside == box:
-        return painter.window(box)
-    part, opacity = painter.window(inside if all(inside.shape) else Box(0, 0, 0, 0))
-    image, alpha = np.zeros((*box.shape, *part.shape[2:]), part.dtype), np.zeros(box.shape, part.dtype)
-    if part.size:
-        image[inside.within(box)], alpha[inside.within(box)] = part, opacity
+        image, alpha = painter.window(box)
+    else:
+        part, opacity = painter.window(inside if all(inside.shape) else Box(0, 0, 0, 0))
+        image, alpha = np.zeros((*box.shape, *part.shape[2:]), part.dtype), np.zeros(box.shape, part.dtype)
+        if part.size:
+            image[inside.within(box)], alpha[inside.within(box)] = part, opacity
+    for patch in patches:
+        patch.onto(box, image, alpha)
     return image, alpha
 
 
-def _rendered(item: tuple[Painter, Box, Box, Sink]) -> Any:
+def _rendered(item: tuple[Painter, Sequence[Filling], Box, Box, Sink]) -> Any:
     """Paint a box of the canvas, write it to the sink, and return the sink's answer."""
-    painter, on_canvas, box, sink = item
-    return sink.write(box, *_painted(painter, on_canvas))
+    painter, patches, on_canvas, box, sink = item
+    return sink.write(box, *_painted(painter, patches, on_canvas))

@@ -10,12 +10,12 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from toposeam.arrays import Image, Labels
-from toposeam.images import Windows, in_dtype
+from toposeam.arrays import Image, Labels, Mask
+from toposeam.images import Windows, full_scale, in_dtype
 from toposeam.layers.blending.blend import Blender, Blending, Fading
 from toposeam.layers.canvas.canvas import Canvas, paint
 from toposeam.layers.canvas.layer import Box, Layer
@@ -23,6 +23,24 @@ from toposeam.layers.canvas.tile_map import BLOCK, blocks, part_of
 
 #: Width of the strip, px, in which the right end of a round canvas fades into its left end.
 _JOINT_WIDTH = 64
+
+
+class Filling(NamedTuple):
+    """Pixels that stand where no layer shows."""
+
+    #: Where they lie on the canvas.
+    box: Box
+    #: (h, w[, C]) in the layers' dtype, and (h, w), which of them count.
+    image: Image
+    where: Mask
+
+    def onto(self, box: Box, image: Image, alpha: Image) -> None:
+        """Put them onto the pixels and the opacity of a box of the canvas."""
+        common = self.box.shared(box)
+        if all(common.shape):
+            here, own = common.within(box), common.within(self.box)
+            image[here][self.where[own]] = self.image[own][self.where[own]]
+            alpha[here][self.where[own]] = full_scale(alpha.dtype)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

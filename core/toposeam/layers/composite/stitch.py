@@ -40,8 +40,8 @@ def stitch(layers: Sequence[Layer] | Sequence[npt.NDArray[Any]], **keywords: Any
         of plain arrays are found first, by :func:`toposeam.find_places`; arrays that match none of the
         others are left out with a warning. Photographs among them, which have to be turned or bent, are
         joined as ``toposeam stitch`` joins them: with ``blend="multiband"`` and ``match_shading=True``
-        unless these are given, and cropped to the largest rectangle without holes (``result.canvas`` has
-        all). Arrays that only have to be moved, and layers, stay as they are.
+        unless these are given, and fitted to a rectangle (:func:`toposeam.layers.fitted`; ``result.canvas``
+        has all). Arrays that only have to be moved, and layers, stay as they are.
     **keywords
         The fields of :class:`toposeam.layers.StitchOptions`, and those of the options of its method.
 
@@ -77,7 +77,9 @@ def stitch(layers: Sequence[Layer] | Sequence[npt.NDArray[Any]], **keywords: Any
         again = dataclasses.replace(second, match_tones=False, match_shading=False)
         joined = give_way(_joined(placed, first), options.give, lambda bent: _joined(bent, again))
     if bent:
-        joined = _without_rims(joined)
+        from toposeam.layers.composite.fitting import fitted  # layers that are placed stay as they are
+
+        joined = _without_rims(fitted(joined))
     if options.progress is not None:
         options.progress(1.0)
     return joined
@@ -119,9 +121,10 @@ def _with_places(
         and len(images) > 1
         and not any(image is layer for image, layer in zip(images, layers, strict=True))
     ):
-        from toposeam.layers.registration.find_places import find_places
+        from toposeam.layers.boundary.fit import laid_in_memory
+        from toposeam.layers.registration.find_places import PlaceOptions, found_places
 
-        found = find_places(images, executor=options.executor)
+        found = found_places(images, PlaceOptions(), None, options.executor, laid_in_memory)
         for reason in found.left_out.values():
             warnings.warn(f"left out: {reason}", stacklevel=3)
         wrap = found.wrap if options.wrap is None else options.wrap

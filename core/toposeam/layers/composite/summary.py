@@ -7,6 +7,7 @@ in px; None stands for what is not known.
 ``schema``         1
 ``size``           width and height of the picture
 ``crop``           left, top, width and height of the box of the canvas that is shown; None for all of it
+``kept``           share of the pixels that pictures show on the canvas, in [0, 1]
 ``cost``           Σ M over all seams
 ``rounds``         rounds of expansions, 0 for two pictures
 ``bent_px``        the largest displacement by which pictures were bent to meet, 0 if none was
@@ -73,6 +74,7 @@ def summary_of(composition: Any, *, optima: bool) -> dict[str, Any]:
         "schema": SCHEMA,
         "size": [width, height],
         "crop": None if crop is None else list(crop),
+        "kept": composition.kept,
         "cost": sum(seam["cost"] for seam in found),
         "rounds": composition.rounds,
         "bent_px": composition.bent,

@@ -200,11 +200,13 @@ class PlaceOptions:
             check_whole("centre", self.centre, 0, count - 1)
 
 
-#: Lays pictures on the canvas by their transforms.
-Places = Callable[[Sequence[Layer], Sequence[Transform]], Sequence[Layer]]
+#: Lays pictures on the canvas by their transforms; the last argument is the width of a round canvas, or None.
+Places = Callable[[Sequence[Layer], Sequence[Transform], int | None], Sequence[Layer]]
 
 
-def _place_in_memory(pictures: Sequence[Layer], transforms: Sequence[Transform]) -> Sequence[Layer]:
+def _place_in_memory(
+    pictures: Sequence[Layer], transforms: Sequence[Transform], wrap: int | None
+) -> Sequence[Layer]:
     return [on_canvas(picture, transform) for picture, transform in zip(pictures, transforms, strict=True)]
 
 
@@ -244,7 +246,8 @@ def found_places(
             centre=matcher.names[options.centre],
             why=placement.left_out[options.centre],
         )
-    layers = place([pictures[number] for number in placement.numbers], placement.transforms)
+    chosen = [pictures[number] for number in placement.numbers]
+    layers = place(chosen, placement.transforms, placement.wrap)
     report(1.0)
     return replace(placement, layers=tuple(layers))
 

@@ -1,0 +1,16 @@
+from .best_box import best_box
+from .fit import fitted_boundary, fitted_box, laid_in_memory
+from .ground import Ground, ground_of, prices_of
+from .overview import Overview, overview
+
+__all__ = [
+    "Ground",
+    "Overview",
+    "best_box",
+    "fitted_boundary",
+    "fitted_box",
+    "ground_of",
+    "laid_in_memory",
+    "overview",
+    "prices_of",
+]

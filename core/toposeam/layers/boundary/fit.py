@@ -11,7 +11,7 @@ import scipy
 
 from toposeam.arrays import Floats, Floats32, Mask
 from toposeam.layers.boundary.best_box import best_box
-from toposeam.layers.boundary.ground import Ground, ground_of, prices_of
+from toposeam.layers.boundary.ground import BorderGround, ground_of, prices_of
 from toposeam.layers.boundary.overview import Overview, overview
 from toposeam.layers.boundary.rectangling import Rectangling
 from toposeam.layers.canvas.canvas import common_canvas
@@ -114,7 +114,7 @@ def _box_of(layer: Layer, transform: Transform) -> Box:
     return Box(0, 0, *layer.image.shape[:2]).moved(y, x)
 
 
-def _moved(mesh: MeshTransform, cover: Mask, ground: Ground) -> tuple[Mask, Ground]:
+def _moved(mesh: MeshTransform, cover: Mask, ground: BorderGround) -> tuple[Mask, BorderGround]:
     """Return where a bent overview shows something, and its ground there."""
     at = coordinates(mesh, Box(0, 0, *cover.shape))
     where = np.moveaxis(at[..., ::-1], -1, 0)

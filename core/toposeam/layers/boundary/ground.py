@@ -37,7 +37,7 @@ _Value = TypeVar("_Value", bound=np.generic)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Ground:
+class BorderGround:
     """What a picture is like near each pixel."""
 
     #: (H, W) share of full texture, in [0, 1].
@@ -48,7 +48,7 @@ class Ground:
     lines: Floats
 
 
-def ground_of(seen: Overview) -> Ground:
+def ground_of(seen: Overview) -> BorderGround:
     """Tell plain ground and even texture from structure."""
     gray, cover = seen.gray, seen.cover
     short = min(gray.shape)
@@ -76,7 +76,7 @@ def ground_of(seen: Overview) -> Ground:
     depth[_line_ends(lines, cover)] = 0
     depth = scipy.ndimage.minimum_filter(depth, 2 * near + 1)
     texture = np.clip((gradient - _BUSY[0]) / (_BUSY[1] - _BUSY[0]), 0, 1)
-    return Ground(texture.astype(np.float32), depth, lines)
+    return BorderGround(texture.astype(np.float32), depth, lines)
 
 
 def _lines(seen: Overview) -> Floats:
@@ -104,13 +104,15 @@ def _line_ends(lines: Floats, cover: Mask) -> Mask:
     return marked
 
 
-def prices_of(cover: Mask, ground: Ground, reach: float, thin: float = 1.5) -> tuple[Floats32, Floats32]:
+def prices_of(
+    cover: Mask, ground: BorderGround, reach: float, thin: float = 1.5
+) -> tuple[Floats32, Floats32]:
     """Return what it is worth to have each pixel in the picture: shown, and warped to or filled.
 
     Parameters
     ----------
     cover : (H, W) bool array
-    ground : Ground
+    ground : BorderGround
     reach : float
         How far a warp may move the border, px.
     thin : float

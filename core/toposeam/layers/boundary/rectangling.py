@@ -21,7 +21,7 @@ from scipy import ndimage, sparse
 from scipy.sparse import linalg
 
 from toposeam.arrays import Floats, Mask
-from toposeam.layers.boundary.ground import Ground
+from toposeam.layers.boundary.ground import BorderGround
 from toposeam.layers.canvas.layer import Box
 
 #: Cells along the longer side; local steps.
@@ -45,7 +45,7 @@ _Pull: TypeAlias = tuple[Floats, float, int]
 class Rectangling:
     """The displacement of a canvas on a grid of cells, and what acts on it."""
 
-    def __init__(self, cover: Mask, ground: Ground, *, goes_round: bool) -> None:
+    def __init__(self, cover: Mask, ground: BorderGround, *, goes_round: bool) -> None:
         height, width = cover.shape
         self.goes_round, self.cover = goes_round, cover
         longer = max(height, width)

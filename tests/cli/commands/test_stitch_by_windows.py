@@ -232,11 +232,11 @@ def waited_for(monkeypatch):
         begun.set()
         return compose(*arguments)
 
-    def paint(whole, box):
+    def paint(whole, patches, box):
         if painted:
             assert begun.wait(60)
         painted.append(box)
-        return real(whole, box)
+        return real(whole, patches, box)
 
     compose = file_sink.write_composite
     monkeypatch.setattr(file_sink, "write_composite", write)

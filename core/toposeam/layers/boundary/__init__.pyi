@@ -1,9 +1,10 @@
 from .best_box import best_box
 from .fit import fitted_boundary, fitted_box, laid_in_memory
-from .ground import BorderGround, ground_of, prices_of
+from .ground import HOLE, BorderGround, ground_of, prices_of
 from .overview import Overview, overview
 
 __all__ = [
+    "HOLE",
     "BorderGround",
     "Overview",
     "best_box",

@@ -269,6 +269,25 @@ def test_what_is_saved_is_what_stitch_makes_of_its_layout(works, layout, tmp_pat
     assert "[[stroke]]" in (tmp_path / "all.toml").read_text()
 
 
+def test_a_horizon_is_drawn(works, layout):
+    with program(layout, works=works) as (_, address), chromium() as context:
+        page = opened(context, address)
+        height = page.evaluate("window.toposeam.picture.height")
+        push_seam(page, 25)
+        page.click("#more-shown")
+        page.click("#horizon")
+        page.mouse.move(*on_screen(page, 40, 60))
+        page.mouse.down()
+        page.mouse.move(*on_screen(page, 90, 66))
+        page.mouse.move(*on_screen(page, 140, 72))
+        page.mouse.up()
+        until(page, f"window.toposeam?.picture.height > {height} && window.toposeam.paths.length")
+        until(page, "!document.querySelector('#undo').disabled")
+        until(page, "!document.querySelector('#seams').classList.contains('hidden')")
+        assert page.get_attribute("#push", "aria-pressed") == "true"
+        assert page.errors == []
+
+
 def test_a_save_is_cancelled_and_a_full_disk_is_said(works, layout, tmp_path):
     folder = tmp_path / "out"
     folder.mkdir()

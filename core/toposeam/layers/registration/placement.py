@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal, TypeAlias, get_args
 
@@ -105,6 +105,20 @@ class Placement:
         """The largest displacement, px of the canvas, by which meshes bend pictures; 0 where none does."""
         meshes = [one.coefficients for one in self.transforms if isinstance(one, MeshTransform)]
         return max((float(np.hypot(*np.moveaxis(one, -1, 0)).max()) for one in meshes), default=0.0)
+
+    def levelled(self, picture: int, line: Floats) -> Placement:
+        """Return the placement turned so that a (2, 2) line of a placed picture lies level or upright
+        (:func:`toposeam.layers.canvas.levelling.levelled`); its layers are not warped anew.
+        """
+        from toposeam.layers.canvas.levelling import levelled  # only where it is asked for
+
+        transforms = levelled(self.transforms, picture, line)
+        residuals = {}
+        for pair, residual in self.residuals.items():
+            at = self.transforms[pair[0]].to_picture(np.array([residual.near]))
+            x, y = transforms[pair[0]].to_canvas(at)[0]
+            residuals[pair] = replace(residual, near=(float(x), float(y)))
+        return replace(self, transforms=transforms, residuals=residuals)
 
     @cached_property
     def places(self) -> Floats:

@@ -113,7 +113,7 @@ class DurationType(click.ParamType):  # type: ignore[type-arg]
 @option(
     "--seed", heading="Loop", type=int, default=0, show_default=True, help="Of --grow: decides the order."
 )
-@surface_cost_option("gradient")
+@surface_cost_option
 @option(
     "--mesh", heading="Output", type=OUTPUT, help="Also write the surface in x, y and time: .ply or .stl."
 )

@@ -217,7 +217,7 @@ def loop(
     transition = _transition(transition, count, length)
     if cost is not None:
         check_kind("cost", cost, MatchCost, "a MatchCost")
-    match = check_no_reach(match_options(gradient, cost, "gradient"), "surfaces")
+    match = check_no_reach(match_options(gradient, cost), "surfaces")
     chosen = seed_of(seed)
     spacing = check_spacing(spacing)
     settings = {

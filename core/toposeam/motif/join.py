@@ -33,7 +33,6 @@ from toposeam.motif.generate import make_motif
 from toposeam.motif.ink.stroke_repair import repair_strokes
 from toposeam.motif.motif import Motif
 from toposeam.motif.optimise.compound import JoinOptions, Member, generate_row
-from toposeam.motif.optimise.layer import plan
 from toposeam.motif.recipe.recipe import LayerRecipe, Point, Recipe
 from toposeam.motif.symmetry.borders import (
     BESIDE_STROKES,
@@ -202,7 +201,7 @@ def join_motifs(
         shared = max(1, round(_SHARED_BORDER * min(recipes[0].size))) if recipes else 1
     _check_recipes(recipes, weight, stages, between, shared)
     first = recipes[0]
-    per_stage = sum(count for _, count in plan(first)) * len(first.layers)
+    per_stage = sum(first.of_layer(index).iterations for index in range(len(first.layers)))
     done = 0
 
     def report() -> None:
@@ -239,10 +238,11 @@ def _finish_layer(row: list[Member], layer: int, shared: int, weight: float) -> 
     found = []
     for member in row:
         assert member.densities is not None  # noqa: S101
-        density, recipe, alone = member.densities[layer], member.recipe, weight == 0 and shared == 0
+        density, recipe = member.densities[layer], member.recipe.of_layer(layer)
+        alone = weight == 0 and shared == 0
         if recipe.filter_radius:
             kept = 0 if alone else max(shared, 1)
-            density = repair_strokes(density, recipe.repeat, recipe.layers[layer].mass, kept)
+            density = repair_strokes(density, recipe.repeat, recipe.layers[0].mass, kept)
         found.append(density.astype(np.float64))
     if weight == 0 and shared == 0:
         return [one.astype(np.float32) for one in found]
@@ -273,6 +273,10 @@ def _blend(a: Recipe, b: Recipe, share: float) -> Recipe:
                 penalty=(1 - share) * one.penalty + share * two.penalty,
                 edge=one.edge,
                 name=one.name,
+                style=one.style,
+                avoid=(1 - share) * one.avoid + share * two.avoid,
+                iterations=one.iterations,
+                filter_radius=one.filter_radius,
             )
         )
     return replace(a, layers=tuple(layers))
@@ -320,6 +324,13 @@ def _check_recipes(recipes: Sequence[Recipe], weight: float, stages: int, betwee
                     value=getattr(other, name),
                     first=getattr(first, name),
                 )
+        pairs = zip(other.layers, first.layers, strict=False)
+        if any((a.iterations, a.filter_radius) != (b.iterations, b.filter_radius) for a, b in pairs):
+            raise OptionError(
+                "the recipes have layers of other styles, which differ in {parameter}; give the same styles",
+                kind="unlike",
+                parameter=Term("filter_radius"),
+            )
         if [part.ink for part in other.layers] != [part.ink for part in first.layers]:
             raise OptionError(
                 "the recipes differ in their inks; give all the same palette and number of layers",

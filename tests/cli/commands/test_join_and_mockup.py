@@ -10,7 +10,7 @@ import toposeam as ts
 from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
 from toposeam_cli.motifs.recipe_files import read_recipe
 
-SMALL = ("--size", "24", "--layers", "2", "--iterations", "5")
+SMALL = ("--style", "vein", "--size", "24", "--layers", "2", "--iterations", "5")
 
 
 @pytest.fixture(scope="module")

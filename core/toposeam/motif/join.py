@@ -41,9 +41,10 @@ from toposeam.motif.symmetry.borders import (
     fade_to_mean,
     restore_mass,
 )
+from toposeam.motif.symmetry.rules import GENERATORS, symmetry
 
-#: Rules under which a motif joins itself on all four sides by translation.
-_JOINABLE = ("translate", "p1")
+#: Rules by which cells lie side by side unchanged, so that other cells may take their places.
+JOINABLE = ("translate", *GENERATORS)
 #: Default width of the border that motifs share, as a share of the cell's shorter side.
 _SHARED_BORDER = 0.03
 
@@ -256,7 +257,8 @@ def _finish_layer(row: list[Member], layer: int, shared: int, weight: float) -> 
     for _ in range(2):  # correcting the mass changes the level at which strokes end a little
         found = smooth_row_borders(found, edges, first.repeat, shared, given)
         found = [restore_mass(one, mass) for one, mass in zip(found, masses, strict=True)]
-    return [one.astype(np.float32) for one in found]
+    orbits = symmetry(first.repeat, first.size)
+    return [orbits.mean(one).astype(np.float32) for one in found]
 
 
 def _blend(a: Recipe, b: Recipe, share: float) -> Recipe:
@@ -297,13 +299,13 @@ def _check_recipes(recipes: Sequence[Recipe], weight: float, stages: int, betwee
     check_whole("between", between, 1, 10)
     check_whole("shared", shared, 0, min(recipes[0].size))
     first = recipes[0]
-    if first.repeat not in _JOINABLE:
+    if first.repeat not in JOINABLE:
         raise OptionError(
             "{parameter} is {value}; motifs that join each other must repeat by {allowed}",
             kind="choice",
             parameter=Term("repeat"),
             value=first.repeat,
-            allowed=" or ".join(_JOINABLE),
+            allowed=", ".join(JOINABLE),
         )
     if first.size[1] % 2:
         raise OptionError(

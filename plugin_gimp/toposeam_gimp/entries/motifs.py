@@ -98,7 +98,12 @@ MOTIF_ENTRIES = (
                 label=_("Repeats _by"),
                 help=_("The rule by which copies of the motif join"),
                 default="random",
-                choices=(("random", _("From the seed")), ("none", _("Nothing: it stays alone")), *_RULES, *_GROUPS),
+                choices=(
+                    ("random", _("From the seed")),
+                    ("none", _("Nothing: it stays alone")),
+                    *_RULES,
+                    *_GROUPS,
+                ),
                 pictures="rule",
             ),
             number(

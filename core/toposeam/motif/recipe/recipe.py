@@ -31,6 +31,8 @@ MIN_SIDE, MAX_SIDE = 8, 8192
 #: proportionality, as in the thesis.
 LAWS = ("contrast", "brightness")
 Kind = TypeVar("Kind")
+#: Entries of a layer that older recipes lack, and what they are without.
+_LATER = {"style": "vein", "avoid": 0.0, "iterations": None, "filter_radius": None}
 #: Longer side of a stored base image, px at most, to keep recipes small.
 _MAX_BASE_SIDE = 256
 
@@ -235,10 +237,13 @@ class Recipe:
         return dataclasses.replace(self, layers=(layer,), **changed)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the recipe as plain lists, numbers and strings, for JSON or TOML, without what is None."""
+        """Return the recipe as plain lists, numbers and strings, for JSON or TOML.
+
+        A layer's entries that older recipes lack are left out where they have no effect.
+        """
         record = dataclasses.asdict(self)
         record["layers"] = [
-            {name: _plain(value) for name, value in layer.items() if value is not None}
+            {name: _plain(value) for name, value in layer.items() if _LATER.get(name, ...) != value}
             for layer in record["layers"]
         ]
         return {name: _plain(value) for name, value in record.items()}

@@ -346,8 +346,13 @@ class _Problem:
         """
 
         def loss_of(unknowns: Floats) -> tuple[Floats, float]:
-            residuals = self.residuals(unknowns)
-            return residuals, float(scale**2 * np.log1p(np.square(residuals / scale)).sum())
+            try:
+                with np.errstate(over="ignore", invalid="ignore"):
+                    residuals = self.residuals(unknowns)
+                    loss = float(scale**2 * np.log1p(np.square(residuals / scale)).sum())
+            except np.linalg.LinAlgError:  # a step so long that a picture shrinks to a line
+                return np.zeros(0), math.inf
+            return residuals, loss
 
         where, unknowns, damping = np.flatnonzero(self.free), start, 1e-3
         residuals, loss = loss_of(unknowns)

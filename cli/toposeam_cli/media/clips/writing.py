@@ -22,8 +22,8 @@ _VIDEO = {
     ".mkv": ("libx264", "yuv420p", {"crf": "15", "preset": "medium"}),
     ".webm": ("libvpx-vp9", "yuv420p", {"crf": "24", "b:v": "0"}),
 }
-_ANIMATED = (".gif", ".webp", ".png", ".apng")
-SUFFIXES = (*_VIDEO, *_ANIMATED)
+ANIMATED = (".gif", ".webp", ".png", ".apng")
+SUFFIXES = (*_VIDEO, *ANIMATED)
 
 
 def check_clip_output(path: Path, force: bool) -> Path:
@@ -105,7 +105,7 @@ def _write_folder(folder: Path, clip: Clip) -> None:
 def _write_animated(path: Path, clip: Clip, suffix: str) -> None:
     from PIL import Image
 
-    pictures = [Image.fromarray(frame) for frame in _eight_bits(clip.frames)]
+    pictures = [Image.fromarray(_eight_bits(frame)) for frame in clip.frames]
     shown = 1000 / clip.rate
     # Rounded cumulatively, so that the clip keeps its duration.
     unit = 10 if suffix == ".gif" else 1
@@ -146,18 +146,20 @@ def _write_video(path: Path, clip: Clip, suffix: str) -> None:
     import av
 
     codec, layout, options = _codec(suffix)
-    frames = _eight_bits(clip.frames)
-    if frames.ndim == 4 and frames.shape[3] == 4 and not (frames[..., 3] == 255).all():
-        raise OptionError(
-            f"{suffix} videos have no transparency, and the clip has; write .webp, .png or a folder"
-        )
-    height, width = frames.shape[1:3]
     kind = {".mp4": "mp4", ".mov": "mov", ".mkv": "matroska", ".webm": "webm"}[suffix]
     # Without "file:" FFmpeg takes a folder called "http:" for an address.
     with av.open(f"file:{path}", "w", format=kind, options={"protocol_whitelist": "file"}) as container:
         stream: Any = container.add_stream(codec, rate=clip.rate, options=options)
-        stream.width, stream.height, stream.pix_fmt = width + width % 2, height + height % 2, layout
-        for frame in frames:
+        stream.pix_fmt = layout
+        for index, deep in enumerate(clip.frames):
+            frame = _eight_bits(deep)
+            height, width = frame.shape[:2]
+            if index == 0:
+                stream.width, stream.height = width + width % 2, height + height % 2
+            if frame.ndim == 3 and frame.shape[2] == 4 and not (frame[..., 3] == 255).all():
+                raise OptionError(
+                    f"{suffix} videos have no transparency, and the clip has; write .webp, .png or a folder"
+                )
             rgb = np.repeat(frame[..., None], 3, axis=2) if frame.ndim == 2 else frame[..., :3]
             rgb = np.pad(rgb, ((0, height % 2), (0, width % 2), (0, 0)), mode="edge")
             container.mux(

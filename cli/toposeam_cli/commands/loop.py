@@ -27,7 +27,8 @@ from toposeam_cli.files.writing import all_or_nothing, check_output, replacing
 from toposeam_cli.media.clips.clip import Clip, check_pixels
 from toposeam_cli.media.clips.cut import Cut, Duration
 from toposeam_cli.media.clips.reading import open_clip
-from toposeam_cli.media.clips.writing import ANIMATED, check_clip_output, folder_for, write_clip
+from toposeam_cli.media.clips.sound import looped_sound
+from toposeam_cli.media.clips.writing import ANIMATED, VIDEOS, check_clip_output, folder_for, write_clip
 from toposeam_cli.media.pictures.masks import read_white
 
 #: Most pixels of a clip that is read part by part, and of one that is loaded.
@@ -165,12 +166,16 @@ def loop(clip: Path, output: Path, **given: Any) -> None:
         made = ts.loop(read.frames, progress=progress, **options)
     if output.suffix.lower() in ANIMATED:
         check_pixels(f"the loop for {output}", len(made), read.frames.shape[1:], max_loaded)
+    heard = None
+    if read.sound and output.suffix.lower() in VIDEOS:
+        places = [(jump.leaves, jump.enters) for jump in made.jumps]
+        heard = looped_sound(clip, read.begin, read.rate, places, made.transition)
     with folder_for(output), all_or_nothing():
-        write_clip(output, Clip(frames=made, rate=read.rate), force)
+        write_clip(output, Clip(frames=made, rate=read.rate, heard=heard), force)
         if given["mesh"] is not None:
             with replacing(given["mesh"], force) as temporary:
                 _write_mesh(made, temporary, given["mesh"].suffix.lower())
-    if read.sound and not quiet:
+    if read.sound and heard is None and not quiet:
         say(f"{clip} has sound, which is left out", err=True)
     if made.shot != (0, len(read.frames)) and not quiet:
         first, last = made.shot

@@ -35,7 +35,7 @@ def test_frames_are_the_same_in_any_order(video):
         np.testing.assert_array_equal(frames[first:last], whole[first:last], str((first, last)))
 
 
-def test_a_video_that_is_damaged_further_on_is_told_in_a_sentence(video):
+def test_damage_further_on_is_told_in_a_sentence(video):
     frames = open_clip(video, None, 10**9, 0).frames
     video.write_bytes(video.read_bytes()[:400])
     with pytest.raises(ImageError, match="copy or convert it again"):

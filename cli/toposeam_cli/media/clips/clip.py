@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.errors import ImageError
+from toposeam_cli.media.clips.sound import Sound
 
 #: Rate of clips that do not state it, which are folders of frames, frames per second.
 DEFAULT_RATE = Fraction(25)
@@ -32,8 +33,11 @@ class Clip:
     frames: Any
     #: Frames per second.
     rate: Fraction
-    #: Whether it had sound, which is not read.
+    #: Whether the file has sound, and time of the first frame in it, s.
     sound: bool = False
+    begin: Fraction = Fraction(0)
+    #: Sound to write with it.
+    heard: Sound | None = None
 
     @property
     def seconds(self) -> float:

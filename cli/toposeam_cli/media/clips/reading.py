@@ -201,4 +201,4 @@ def _open_video(path: Path, rate: Fraction | None, max_pixels: int, cut: Cut) ->
     taken, even = even_times([starts[index] for index in wanted], last, rate, str(path))
     check_pixels(str(path), len(taken), size, max_pixels)
     frames = VideoFrames(path, [times[wanted[index]] for index in taken], cut)
-    return Clip(frames=frames, rate=even, sound=sound)
+    return Clip(frames=frames, rate=even, sound=sound, begin=starts[wanted[0]])

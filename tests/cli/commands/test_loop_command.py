@@ -16,6 +16,7 @@ from scipy import ndimage
 
 from toposeam_cli.media.clips.cut import Cut, Duration
 from toposeam_cli.media.clips.reading import read_clip
+from toposeam_cli.media.clips.sound import looped_sound
 from toposeam_cli.media.pictures.picture import read_picture
 
 
@@ -408,3 +409,11 @@ def test_sound_is_kept_and_faded_where_the_loop_jumps(toposeam, video, tmp_path,
     spectrum = np.abs(np.fft.rfft(loud * np.hanning(len(loud))))
     assert np.argmax(spectrum) * 48000 / len(loud) == pytest.approx(440, abs=5)
     assert 0.3 < np.abs(loud).max() < 1.0
+
+
+def test_sound_fits_at_rates_that_are_no_whole_numbers(video):
+    path = video(sound=True)
+    rate = Fraction(30000, 1001)
+    for leaves in range(6, 16):
+        heard = looped_sound(path, Fraction(0), rate, [(leaves, 1)], 4)
+        assert abs(heard.samples.shape[1] - (leaves - 1) / rate * 48000) <= 1

@@ -69,7 +69,7 @@ def _read(path: Path, first: Fraction, last: Fraction) -> npt.NDArray[np.float32
     """Read the samples between two times, s; silence where there are none."""
     import av
 
-    count = round((last - first) * RATE)
+    count = round((last - first) * RATE) + 1  # the beginnings of stretches are rounded, too
     samples: npt.NDArray[np.float32] | None = None
     try:
         with av.open(f"file:{path}", options=OPENED) as container:

@@ -87,6 +87,10 @@ class Loop:
         """Number of frames."""
         return walk_length(self.jumps)
 
+    def __iter__(self) -> Iterator[Volume]:
+        """Paint frame after frame."""
+        return (frame for block in self.blocks() for frame in block)
+
     @property
     def start(self) -> int:
         """Number of the given clip's frame that the first jump enters."""

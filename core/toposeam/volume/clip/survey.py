@@ -92,7 +92,7 @@ def survey_of(
     small_side = _side(height, width, min(_PIXELS, max(_LEAST_PIXELS, _MAX_COMPARED / count**2)))
     middle_side = _side(rows, columns, min(_MIDDLE_PIXELS, max(_LEAST_PIXELS, _MOST_PIXELS / count)))
     lag = max(1, count // _MOMENTS)
-    moment_side = max(1, -(-max(height, width) // _MAX_SIDE))
+    moment_side = min(max(1, -(-max(height, width) // _MAX_SIDE)), height, width)
     small, middle, moments = [], [], []
     low = high = np.zeros(0, np.float32)
     for start, stop in clip.ranges(0, count):

@@ -124,7 +124,7 @@ def judged(transition: Transition, survey: Survey) -> tuple[float, int, tuple[fl
     where : (float, float)
         Row and column of its middle there, as shares of the frame's height and width.
     """
-    side = max(1, -(-max(transition.moving.shape) // _MAX_SIDE))
+    side = min(max(1, -(-max(transition.moving.shape) // _MAX_SIDE)), *transition.moving.shape)
     made, a, b = (
         reduced_shares(part, side, None) for part in (transition.made, transition.left, transition.entered)
     )

@@ -412,3 +412,9 @@ def test_of_long_clips_a_period_is_found_between_some_moments():
     clip += 0.3 * np.sin(turn / 40)[:, None, None].astype(np.float32)
     made = ts.loop(clip, transition=6)
     assert made.verdict.unseen
+
+
+@pytest.mark.parametrize("size", [(1, 300), (300, 1), (1, 1), (2, 513)])
+def test_thin_frames_are_looped(size):
+    made = ts.loop(np.random.default_rng(0).random((12, *size)))
+    assert made.frames.shape[1:] == size

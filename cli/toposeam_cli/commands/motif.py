@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 
 import toposeam as ts
+from toposeam.colours import parse_colour
 from toposeam.motif.ink.palettes import Palette
 from toposeam_cli.app.command import Command, option
 from toposeam_cli.app.options import OUTPUT, PairType, force_option, quiet_option
 from toposeam_cli.app.progress import say, share_bar
-from toposeam_cli.files.writing import atomic_write, check_output, replacing
+from toposeam_cli.files.writing import all_or_nothing, atomic_write, check_output, replacing
 from toposeam_cli.motifs.options import Beginning, Wanted, beginning_options, recipe_options
 from toposeam_cli.motifs.print_options import (
     PrintOptions,
@@ -45,6 +48,8 @@ _OF_RECIPE = (
     "base",
     "base_strength",
     "base_law",
+    "inking",
+    "paper",
 )
 _OF_LAYERS = ("mass", "penalty", "ambient", "avoid")
 #: Extensions of the pages of ``--explore``.
@@ -104,6 +109,11 @@ _PAGES = (".html", ".htm")
     type=click.IntRange(8, 512),
     help="Let heat take its ways in a block of this many elements' height, and write the mesh: .stl or .ply.",
 )
+@option(
+    "--colourways",
+    heading="Output",
+    help="Also write it in these palettes, from the same densities: spring,sea makes NAME-spring.png …",
+)
 @option("--palettes", heading="Output", is_flag=True, help="Print the palettes that have a name.")
 @option("--styles", heading="Output", is_flag=True, help="Print the styles, and what they look like.")
 @option(
@@ -125,6 +135,7 @@ def motif(
     edge: str | None,
     explore: tuple[int, int] | None,
     depth: int | None,
+    colourways: str | None,
     palettes: bool,
     styles: bool,
     show_recipe: bool,
@@ -178,15 +189,42 @@ def motif(
         raise ts.OptionError(
             "--pixels sets the size of a .png or .tif; leave it out with --motif-width and for .svg"
         )
-    check_print(output, ink_names(recipe), ink, force)
+    others = _colourways(colourways, output, len(recipe.layers))
+    for path in (output, *others):
+        check_output(path, force, SUFFIXES)
+        check_print(path, ink_names(recipe), ink, force)
     with share_bar(f"inventing {output.name}", quiet) as bar:
         made = ts.generate_motif(recipe, progress=bar)
-    extent = write_print(output, made, lambda: sheet_coverage(made, paper), paper, ink, force)
+    layers: list[np.ndarray] = []
+
+    def coverage() -> np.ndarray:
+        if not layers:
+            layers.append(sheet_coverage(made, paper))
+        return layers[0]
+
+    with all_or_nothing():
+        extent = write_print(output, made, coverage, paper, ink, force)
+        for path, way in others.items():
+            kept = way if wanted.paper is None else dataclasses.replace(way, paper=made.paper)
+            write_print(path, made.recoloured(kept), coverage, paper, ink, force)
     if not quiet:
         unseen = unseen_inks(recipe)
         if unseen is not None:
             say(unseen, err=True)
         say(f"{output}: {extent}, {describe(made, paper.counts)}", err=show_recipe)
+
+
+def _colourways(text: str | None, output: Path, layers: int) -> dict[Path, Palette]:
+    """Return the files of a motif's colourways, and the palette of each."""
+    found: dict[Path, Palette] = {}
+    for word in [] if text is None else text.split(","):
+        colours = read_colours(word.strip())
+        chosen = colours if isinstance(colours, Palette) else ts.motif.palette(colours, layers)
+        if len(chosen.inks) < layers:
+            raise ts.OptionError(f"{word} has {len(chosen.inks)} inks for {layers} layers; name more colours")
+        name = "-".join(re.findall(r"[\w#]+", Path(word.strip()).stem)).replace("#", "")
+        found[output.with_name(f"{output.stem}-{name}{output.suffix}")] = chosen
+    return found
 
 
 def _solid(
@@ -351,7 +389,7 @@ _NOT_IN_FILES = {
         "force",
         "quiet",
     ),
-    *("explore", "depth", "source", "number"),
+    *("explore", "depth", "source", "number", "colourways"),
     *("width_mm", "dpi", "levels", "transparent", "separations", "spot_names"),
 }
 
@@ -402,6 +440,8 @@ def _changed(recipe: ts.motif.Recipe, given: dict[str, Any], amount: float | Non
         for layer, ink in zip(layers, colours.inks, strict=False):
             layer["ink"] = tuple(ink)
         given["paper"] = tuple(colours.paper)
+    if isinstance(given.get("paper"), str):
+        given["paper"] = parse_colour(given["paper"])
     if "size" in given:
         given["size"] = given["size"][::-1]
     if "base" in given:

@@ -172,7 +172,7 @@ def write_print(
         return f"{len(document) / 1e6:.1f} MB"
     layers = coverage()
     alpha = 1.0 - np.prod(1.0 - layers, axis=0, dtype=np.float32) if paper.transparent else None
-    image = mix(layers, made.inks, np.ones(3) if paper.transparent else made.paper)
+    image = mix(layers, made.inks, np.ones(3) if paper.transparent else made.paper, made.inking)
     with all_or_nothing():
         write_picture(output, printable(image, paper.resolution, settings, alpha), force)
         if ink.separations:

@@ -407,3 +407,26 @@ def test_what_click_refuses(folder, toposeam):
         (("motif", "-o", "m.png", "--sources", "2.5"), "not a number"),
     ]:
         toposeam(*line).fails(phrase, code=2)
+
+
+def test_colourways_and_opaque_inks_on_dark_paper(made, toposeam):
+    line = ("motif", "-o", "dark.png", *SMALL, "--seed", "3", "--repeat", "rotate", "--ink", "opaque")
+    ran = toposeam(*line, "--paper", "#101820", "--palette", "spring", "--colourways", "sea, night")
+    assert (ran.code, ran.err) == (0, "")
+    for name, palette in (("dark", "spring"), ("dark-sea", "sea"), ("dark-night", "night")):
+        alone = ("--paper", "#101820", "--palette", palette)
+        assert toposeam(*line[:2], "alone.png", *line[3:], *alone, "--force").code == 0
+        assert (made / f"{name}.png").read_bytes() == (made / "alone.png").read_bytes()
+    light = toposeam("motif", "-o", "light.png", "--like", "dark.png", "--paper", "#ffffff", "--ink", "opaque")
+    assert light.code == 0
+    assert read_recipe(made / "light.png").paper == (1.0, 1.0, 1.0)
+    toposeam(*line, "--force", "--colourways", "sea,nowhere").fails("choose one of spring")
+    toposeam(*line, "--paper", "black", "--force").fails("write it as #rrggbb")
+
+
+def test_drawings_of_opaque_inks_look_like_the_pictures(folder, toposeam):
+    line = ("--size", "64", "--style", "rosette", "--repeat", "p2", "--ink", "opaque", "--paper", "#102030")
+    for name in ("m.svg", "m.png"):
+        assert toposeam("motif", "-o", name, *line, "--palette", "spring", "--seed", "2").code == 0
+    drawn, picture = rendered(folder / "m.svg", 64), read_picture(folder / "m.png").pixels
+    assert np.abs(drawn.astype(int)[..., :3] - picture).mean() < 4

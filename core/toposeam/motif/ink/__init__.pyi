@@ -1,4 +1,4 @@
-from .mixing import mix
+from .mixing import INKINGS, mix
 from .palettes import PALETTES, Palette, palette
 from .printing import MAX_PATTERN, Inked, checked_size
 from .sampling import resample
@@ -8,6 +8,7 @@ from .svg import SvgOptions, check_counts, draw_svg
 
 __all__ = [
     "EDGES",
+    "INKINGS",
     "MAX_PATTERN",
     "PALETTES",
     "Inked",

@@ -50,6 +50,10 @@ class Drawable(Protocol):
         """The rule by which it repeats."""
 
     @property
+    def inking(self) -> str:
+        """Kind of the inks."""
+
+    @property
     def edges(self) -> tuple[str, ...]:
         """Stroke edges of each layer."""
 
@@ -168,7 +172,7 @@ def draw_svg(
     for number, (density, ink, edge, name) in enumerate(layers, 1):
         cell = tile(density, motif.repeat, (down, across))
         bands = _Bands(edge, motif.ends(number - 1), chosen.levels)
-        groups += _layer(cell, rule, ink, (number, name), bands, fine)
+        groups += _layer(cell, rule, _Colour(ink, motif.inking), (number, name), bands, fine)
     unit, scale = ("", 1.0) if chosen.width_mm is None else ("mm", chosen.width_mm / width)
     size_x, size_y = width * columns, height * rows
     settings = {**(note or {}), **motif.record}
@@ -251,8 +255,29 @@ class _Bands:
         return tones
 
 
+class _Colour:
+    """How an ink is drawn: transparent ones multiply, opaque ones cover."""
+
+    def __init__(self, ink: Floats, inking: str) -> None:
+        self._ink, self._opaque = ink, inking == "opaque"
+        self.blend = "normal" if self._opaque else "multiply"
+
+    def fill(self, tone: float, below: float) -> str:
+        """Return the fill of an area of a tone that lies on one of the tone `below`."""
+        if not self._opaque:
+            return f'fill="{to_hex(1.0 - tone * (1.0 - self._ink))}"'
+        left = 1.0 - (1.0 - tone) / max(1.0 - below, 1e-6)
+        cover = "" if tone >= 1.0 else f' fill-opacity="{max(left, 0.0):.4f}"'
+        return f'fill="{to_hex(self._ink)}"{cover}'
+
+
 def _layer(
-    density: npt.NDArray[np.float32], rule: str, ink: Floats, name: tuple[int, str], bands: _Bands, fine: int
+    density: npt.NDArray[np.float32],
+    rule: str,
+    colour: _Colour,
+    name: tuple[int, str],
+    bands: _Bands,
+    fine: int,
 ) -> list[str]:
     """Return the lines of one ink's SVG group."""
     blur = int(np.ceil(4 * SMOOTHING * fine))
@@ -264,19 +289,17 @@ def _layer(
     typical = bands.tones(smooth[MARGIN_PX:-MARGIN_PX, MARGIN_PX:-MARGIN_PX])
     lines = [
         f'<g id="ink-{name[0]}" inkscape:groupmode="layer" inkscape:label="{escape(name[1])}" '
-        'style="mix-blend-mode:multiply">'
+        f'style="mix-blend-mode:{colour.blend}">'
     ]
     if typical[0] > 0:  # the faint tone below the first level
         across, down = (size // fine + MARGIN_PX for size in (smooth.shape[1], smooth.shape[0]))
-        colour = to_hex(1.0 - typical[0] * (1.0 - ink))
-        lines.append(
-            f'<rect x="{-MARGIN_PX}" y="{-MARGIN_PX}" width="{across}" height="{down}" fill="{colour}"/>'
-        )
+        fill = colour.fill(typical[0], 0.0)
+        lines.append(f'<rect x="{-MARGIN_PX}" y="{-MARGIN_PX}" width="{across}" height="{down}" {fill}/>')
     for level, threshold in enumerate(bands.thresholds, 1):
         data = contour_beyond(smooth, float(threshold)).data(1 / fine)
         if data:
-            colour = to_hex(1.0 - typical[level] * (1.0 - ink))
-            lines.append(f'<path fill="{colour}" fill-rule="evenodd" d="{data}"/>')
+            fill = colour.fill(typical[level], typical[level - 1])
+            lines.append(f'<path {fill} fill-rule="evenodd" d="{data}"/>')
     return [*lines, "</g>"]
 
 

@@ -417,7 +417,9 @@ def test_colourways_and_opaque_inks_on_dark_paper(made, toposeam):
         alone = ("--paper", "#101820", "--palette", palette)
         assert toposeam(*line[:2], "alone.png", *line[3:], *alone, "--force").code == 0
         assert (made / f"{name}.png").read_bytes() == (made / "alone.png").read_bytes()
-    light = toposeam("motif", "-o", "light.png", "--like", "dark.png", "--paper", "#ffffff", "--ink", "opaque")
+    light = toposeam(
+        "motif", "-o", "light.png", "--like", "dark.png", "--paper", "#ffffff", "--ink", "opaque"
+    )
     assert light.code == 0
     assert read_recipe(made / "light.png").paper == (1.0, 1.0, 1.0)
     toposeam(*line, "--force", "--colourways", "sea,nowhere").fails("choose one of spring")

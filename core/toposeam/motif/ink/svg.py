@@ -2,6 +2,7 @@
 
 Each layer is a group that is blended by multiplication. Within a group, areas of higher density lie on those
 of lower density in opaque colours. So only the groups need blending, and editors can recolour each layer.
+A crisp ink has a path for each stroke, so that single ones can be taken.
 """
 
 from __future__ import annotations
@@ -296,10 +297,12 @@ def _layer(
         fill = colour.fill(typical[0], 0.0)
         lines.append(f'<rect x="{-MARGIN_PX}" y="{-MARGIN_PX}" width="{across}" height="{down}" {fill}/>')
     for level, threshold in enumerate(bands.thresholds, 1):
-        data = contour_beyond(smooth, float(threshold)).data(1 / fine)
-        if data:
+        found = contour_beyond(smooth, float(threshold))
+        strokes = found.pieces() if bands.edge == "crisp" else [found]
+        drawn = [f'<path d="{data}"/>' for stroke in strokes if (data := stroke.data(1 / fine))]
+        if drawn:
             fill = colour.fill(typical[level], typical[level - 1])
-            lines.append(f'<path {fill} fill-rule="evenodd" d="{data}"/>')
+            lines += [f'<g {fill} fill-rule="evenodd">', *drawn, "</g>"]
     return [*lines, "</g>"]
 
 

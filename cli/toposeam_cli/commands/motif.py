@@ -26,7 +26,15 @@ from toposeam_cli.motifs.print_options import (
     renamed,
     write_print,
 )
-from toposeam_cli.motifs.printing import SUFFIXES, Print, describe, ink_names, sheet_coverage, unseen_inks
+from toposeam_cli.motifs.printing import (
+    DRAWINGS,
+    SUFFIXES,
+    Print,
+    describe,
+    ink_names,
+    sheet_coverage,
+    unseen_inks,
+)
 from toposeam_cli.motifs.recipe_files import (
     read_recipe,
     read_settings,
@@ -73,7 +81,7 @@ _PAGES = (".html", ".htm")
         "force",
     ],
 )
-@option("-o", "--output", heading="Output", type=OUTPUT, help="The motif: .png, .tif or .svg.")
+@option("-o", "--output", heading="Output", type=OUTPUT, help="The motif: .png, .tif, .svg or .pdf.")
 @recipe_options
 @option(
     "--edge",
@@ -162,7 +170,7 @@ def motif(
             say(f"{name:<8} {style.look}")
         return
     if output is None and not show_recipe:
-        raise click.UsageError("say where the motif goes: -o motif.png, .tif or .svg")
+        raise click.UsageError("say where the motif goes: -o motif.png, .tif, .svg or .pdf")
     if output is not None:
         check_output(output, force, (".html",) if explore else (".stl", ".ply") if depth else SUFFIXES)
     if depth is not None:
@@ -183,11 +191,11 @@ def motif(
         say(to_toml(recipe), lines=True, nl=False)
     if output is None:
         return
-    drawn = output.suffix.lower() == ".svg"
+    drawn = output.suffix.lower() in DRAWINGS
     paper.check(recipe, drawn)
     if pixels is not None and (ink.width_mm is not None or drawn):
         raise ts.OptionError(
-            "--pixels sets the size of a .png or .tif; leave it out with --motif-width and for .svg"
+            "--pixels sets the size of a .png or .tif; leave it out with --motif-width and for .svg and .pdf"
         )
     others = _colourways(colourways, output, len(recipe.layers))
     for path in (output, *others):

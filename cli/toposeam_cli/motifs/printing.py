@@ -26,7 +26,9 @@ from toposeam_cli.motifs.recipe_files import to_xmp
 #: An ink that lowers every channel of the paper by less than this is invisible on it; channels are in [0, 1].
 _FAINT = 0.12
 #: Extensions of a motif's file.
-SUFFIXES = (".png", ".tif", ".tiff", ".svg")
+SUFFIXES = (".png", ".tif", ".tiff", ".svg", ".pdf")
+#: Extensions of drawings, which are made of curves.
+DRAWINGS = (".svg", ".pdf")
 #: Resolution of a motif whose width on paper is given, without --dpi.
 _DPI = 300.0
 

@@ -161,13 +161,8 @@ def motif(
     toposeam motif -o seventh.png --from relatives.html --number 7
     toposeam motif -o vase.stl --depth 64 --repeat p4m --motif-width 80mm
     """  # noqa: D301 - click wants the character
-    if palettes:
-        for name, colours in ts.motif.PALETTES.items():
-            say(f"{name:<11} {' '.join(colours)}")
-        return
-    if styles:
-        for name, style in ts.motif.STYLES.items():
-            say(f"{name:<8} {style.look}")
+    if palettes or styles:
+        _list(palettes, styles)
         return
     if output is None and not show_recipe:
         raise click.UsageError("say where the motif goes: -o motif.png, .tif, .svg or .pdf")
@@ -203,6 +198,32 @@ def motif(
         check_print(path, ink_names(recipe), ink, force)
     with share_bar(f"inventing {output.name}", quiet) as bar:
         made = ts.generate_motif(recipe, progress=bar)
+    extent = _write(output, made, paper, ink, others, wanted.paper is not None, force)
+    if not quiet:
+        unseen = unseen_inks(recipe)
+        if unseen is not None:
+            say(unseen, err=True)
+        say(f"{output}: {extent}, {describe(made, paper.counts)}", err=show_recipe)
+
+
+def _list(palettes: bool, styles: bool) -> None:
+    """Print the palettes, and the styles."""
+    rows = [(name, " ".join(colours)) for name, colours in ts.motif.PALETTES.items()] if palettes else []
+    rows += [(name, style.look) for name, style in ts.motif.STYLES.items()] if styles else []
+    for name, words in rows:
+        say(f"{name:<11} {words}")
+
+
+def _write(
+    output: Path,
+    made: ts.motif.Motif,
+    paper: Print,
+    ink: PrintOptions,
+    others: Mapping[Path, Palette],
+    keeps_paper: bool,
+    force: bool,
+) -> str:
+    """Write a motif and its colourways, all or none; return a line about its size."""
     layers: list[np.ndarray] = []
 
     def coverage() -> np.ndarray:
@@ -213,13 +234,9 @@ def motif(
     with all_or_nothing():
         extent = write_print(output, made, coverage, paper, ink, force)
         for path, way in others.items():
-            kept = way if wanted.paper is None else dataclasses.replace(way, paper=made.paper)
-            write_print(path, made.recoloured(kept), coverage, paper, ink, force)
-    if not quiet:
-        unseen = unseen_inks(recipe)
-        if unseen is not None:
-            say(unseen, err=True)
-        say(f"{output}: {extent}, {describe(made, paper.counts)}", err=show_recipe)
+            colours = dataclasses.replace(way, paper=made.paper) if keeps_paper else way
+            write_print(path, made.recoloured(colours), coverage, paper, ink, force)
+    return extent
 
 
 def _colourways(text: str | None, output: Path, layers: int) -> dict[Path, Palette]:

@@ -11,6 +11,7 @@ from typing import Any
 import click
 from click.shell_completion import CompletionItem
 
+from toposeam.motif.ink.mixing import INKINGS
 from toposeam.motif.recipe.recipe import LAWS
 from toposeam.motif.recipe.styles import STYLES
 from toposeam_cli.app.command import option
@@ -28,6 +29,8 @@ class Wanted:
     repeat: str | None
     seed: int | None
     palette: str | None
+    paper: str | None
+    inking: str | None
     base: Path | None
     base_strength: float | None
     base_law: str | None
@@ -116,6 +119,14 @@ _RECIPE: tuple[Callable[[Any], Any], ...] = (
         "--palette",
         heading="Motif",
         help="A name, a picture, or colours: '#paper #ink #ink'.  [default: from the seed]",
+    ),
+    option("--paper", heading="Motif", help="Colour of the paper: #rrggbb.  [default: the palette's]"),
+    option(
+        "--ink",
+        "inking",
+        heading="Motif",
+        type=click.Choice(INKINGS),
+        help="Opaque inks cover what lies below and are seen on dark paper.  [default: transparent]",
     ),
     option(
         "--base", heading="Motif", type=FILE, help="A logo, symbol or photograph that shapes the strokes."

@@ -102,7 +102,7 @@ def _laid(motif: Motif, layer: int) -> Floats32:
 def _visibilities(motif: Motif, prints: Sequence[Floats32]) -> Floats:
     """Compute `border_visibility` of rows and columns, for each ink and the composite: (n_L + 1, 2)."""
     rows, columns = motif.densities.shape[1:]
-    planes = (*prints, mix(np.stack(prints), motif.inks, motif.paper) @ LUMA.astype(np.float32))
+    planes = (*prints, mix(np.stack(prints), motif.inks, motif.paper, motif.inking) @ LUMA.astype(np.float32))
     return np.array([(line_visibility(one, rows), line_visibility(one.T, columns)) for one in planes])
 
 

@@ -22,6 +22,7 @@ from toposeam.checks import (
     check_whole,
     seed_of,
 )
+from toposeam.colours import parse_colour
 from toposeam.errors import OptionError, Term
 from toposeam.heat.threads import one_thread
 from toposeam.motif.border_smoothing import smooth_borders
@@ -64,6 +65,8 @@ class RecipeKeywords(TypedDict, total=False):
     base_strength: float
     base_law: str | None
     palette: str | Palette | npt.ArrayLike | None
+    paper: str | None
+    inking: str
 
 
 def generate_motif(
@@ -187,6 +190,8 @@ def random_recipe(
     base_strength: float = 0.7,
     base_law: str | None = None,
     palette: str | Palette | npt.ArrayLike | None = None,
+    paper: str | None = None,
+    inking: str = "transparent",
 ) -> Recipe:
     """Return a recipe; every parameter that is not given is drawn at random.
 
@@ -225,6 +230,10 @@ def random_recipe(
         One of `LAWS`; by default "brightness" for the thesis's style, else "contrast".
     palette : str, Palette or picture
         Colours; by default a random named palette.
+    paper : str
+        Colour of the paper, ``#rrggbb``; by default the palette's.
+    inking : str
+        One of `INKINGS`; opaque inks are seen on dark paper.
 
     Raises
     ------
@@ -321,7 +330,7 @@ def random_recipe(
         size=shape,
         repeat=repeat,
         seed=seed,
-        paper=tuple(inks.paper),
+        paper=tuple(inks.paper) if paper is None else parse_colour(paper),
         layers=tuple(recipes),
         iterations=first.iterations if iterations is None else iterations,
         move=move,
@@ -330,6 +339,7 @@ def random_recipe(
         base=packed,
         base_strength=base_strength if packed else 0.0,
         base_law=base_law,
+        inking=inking,
     )
 
 

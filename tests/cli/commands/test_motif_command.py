@@ -1,6 +1,8 @@
 """``toposeam motif`` and ``toposeam repeat``: what they make, make again, and refuse."""
 
 import re
+import shutil
+import subprocess
 
 import numpy as np
 import pytest
@@ -407,3 +409,61 @@ def test_what_click_refuses(folder, toposeam):
         (("motif", "-o", "m.png", "--sources", "2.5"), "not a number"),
     ]:
         toposeam(*line).fails(phrase, code=2)
+
+
+def test_colourways_and_opaque_inks_on_dark_paper(made, toposeam):
+    line = ("motif", "-o", "dark.png", *SMALL, "--seed", "3", "--repeat", "rotate", "--ink", "opaque")
+    ran = toposeam(*line, "--paper", "#101820", "--palette", "spring", "--colourways", "sea, night")
+    assert (ran.code, ran.err) == (0, "")
+    for name, palette in (("dark", "spring"), ("dark-sea", "sea"), ("dark-night", "night")):
+        alone = ("--paper", "#101820", "--palette", palette)
+        assert toposeam(*line[:2], "alone.png", *line[3:], *alone, "--force").code == 0
+        assert (made / f"{name}.png").read_bytes() == (made / "alone.png").read_bytes()
+    light = toposeam(
+        "motif", "-o", "light.png", "--like", "dark.png", "--paper", "#ffffff", "--ink", "opaque"
+    )
+    assert light.code == 0
+    assert read_recipe(made / "light.png").paper == (1.0, 1.0, 1.0)
+    toposeam(*line, "--force", "--colourways", "sea,nowhere").fails("choose one of spring")
+    toposeam(*line, "--paper", "black", "--force").fails("write it as #rrggbb")
+
+
+def test_drawings_of_opaque_inks_look_like_the_pictures(folder, toposeam):
+    line = ("--size", "64", "--style", "rosette", "--repeat", "p2", "--ink", "opaque", "--paper", "#102030")
+    for name in ("m.svg", "m.png"):
+        assert toposeam("motif", "-o", name, *line, "--palette", "spring", "--seed", "2").code == 0
+    drawn, picture = rendered(folder / "m.svg", 64), read_picture(folder / "m.png").pixels
+    assert np.abs(drawn.astype(int)[..., :3] - picture).mean() < 4
+
+
+GHOSTSCRIPT = shutil.which("gs")
+
+
+@pytest.mark.medium
+@pytest.mark.skipif(GHOSTSCRIPT is None, reason="there is no Ghostscript")
+@pytest.mark.parametrize(
+    "look",
+    [
+        ("--style", "fern", "--repeat", "p4m"),
+        ("--style", "rosette", "--repeat", "rotate", "--sheet", "3x2"),
+        ("--style", "folk", "--repeat", "p6m", "--ink", "opaque", "--paper", "#101820"),
+        ("--style", "rosette", "--repeat", "brick", "--sheet", "2x3", "--ink", "opaque"),
+    ],
+)
+def test_a_pdf_looks_like_the_picture_with_a_plate_for_each_ink(folder, toposeam, look):
+    line = ("motif", *look, "--size", "96", "--seed", "2", "--palette", "sea", "--spot-names", "Red 1,Gold")
+    for name in ("m.pdf", "m.png"):
+        ran = toposeam(*line, "-o", name, "--motif-width", "1in", "--dpi", "384")
+        assert (ran.code, ran.err) == (0, "")
+    call = (GHOSTSCRIPT, "-q", "-dBATCH", "-dNOPAUSE", "-r384", "-dGraphicsAlphaBits=4")
+    subprocess.run([*call, "-sDEVICE=png16m", "-sOutputFile=drawn.png", "m.pdf"], check=True, cwd=folder)
+    drawn, picture = (read_picture(folder / name).pixels.astype(int) for name in ("drawn.png", "m.png"))
+    assert np.abs(np.subtract(drawn.shape, picture.shape)).max() <= 1
+    height, width = np.minimum(drawn.shape, picture.shape)[:2]
+    assert np.abs(drawn[:height, :width] - picture[:height, :width]).mean() < 5
+    subprocess.run([*call, "-sDEVICE=tiffsep", "-sOutputFile=plate.tif", "m.pdf"], check=True, cwd=folder)
+    assert {path.name for path in folder.glob("plate(*")} >= {"plate(Red 1).tif", "plate(Gold).tif"}
+    # The recipe is in it, and gives the same bytes.
+    before = (folder / "m.pdf").read_bytes()
+    assert toposeam("motif", "-o", "again.pdf", "--like", "m.pdf").code == 0
+    assert (folder / "again.pdf").read_bytes() == before

@@ -280,3 +280,23 @@ def test_random_layers_are_strokes_or_washes():
     washes = [value for value in drawn if value != 3.0]
     assert all(1.0 <= value <= 1.3 for value in washes)
     assert 5 <= len(washes) <= 40  # 15 % of 120
+
+
+def test_opaque_inks_cover_what_lies_below():
+    motif = _quick(layers=2, edge="soft", paper="#101820", inking="opaque")
+    one, two = motif.densities[..., np.newaxis]
+    expected = motif.paper * (1 - one) + one * motif.inks[0]
+    expected = expected * (1 - two) + two * motif.inks[1]
+    assert motif.image() == pytest.approx(expected, abs=1e-5)
+    assert motif.paper == pytest.approx(np.array([0x10, 0x18, 0x20]) / 255)
+    assert ts.motif.Recipe.from_dict(motif.recipe.to_dict()) == motif.recipe
+    assert "mix-blend-mode:normal" in motif.to_svg()
+
+
+def test_a_colourway_is_the_motif_of_another_palette():
+    motif = _quick(layers=2, palette="sea")
+    other = motif.recoloured(ts.motif.palette("plum", 2))
+    np.testing.assert_array_equal(other.image(), _quick(layers=2, palette="plum").image())
+    assert other.recipe == _quick(layers=2, palette="plum").recipe
+    with pytest.raises(ts.OptionError, match="1 inks for 2 layers"):
+        motif.recoloured(ts.motif.palette("plum", 1))

@@ -40,6 +40,11 @@ class Inked(PictureResult, ABC):
 
     @property
     @abstractmethod
+    def inking(self) -> str:
+        """Kind of the inks, one of `INKINGS`."""
+
+    @property
+    @abstractmethod
     def edges(self) -> tuple[str, ...]:
         """Stroke edges of each layer in print, of `EDGES`."""
 
@@ -131,7 +136,7 @@ class Inked(PictureResult, ABC):
         -------
         (H, W, 3) float32 array in [0, 1]
         """
-        return mix(self.coverage(size), self.inks, self.paper)
+        return mix(self.coverage(size), self.inks, self.paper, self.inking)
 
     def to_svg(self, path: str | Path | None = None, *, counts: tuple[float, float] = (1, 1)) -> str:
         """Return the print as an SVG document, and write it if a path is given.

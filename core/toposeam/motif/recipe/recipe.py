@@ -18,6 +18,7 @@ from toposeam.checks import check_choice, check_number, check_pair, check_range,
 from toposeam.colours import LUMA
 from toposeam.errors import OptionError, Term
 from toposeam.images import as_float, in_dtype
+from toposeam.motif.ink.mixing import INKINGS
 from toposeam.motif.ink.stroke_edges import EDGES
 from toposeam.motif.recipe.styles import STYLES
 from toposeam.motif.symmetry.rules import check_repeat
@@ -185,6 +186,8 @@ class Recipe:
     base_strength: float = 0.0
     #: Law by which its brightness becomes conductivity, one of `LAWS`.
     base_law: str = "contrast"
+    #: Kind of the inks, one of `INKINGS`: opaque ones cover what lies below, also on dark paper.
+    inking: str = "transparent"
 
     def __repr__(self) -> str:
         rows, columns = self.size
@@ -216,6 +219,7 @@ class Recipe:
         check_range(0, 10, filter_radius=self.filter_radius)  # hundredths of the cell
         check_range(-1, 1, base_strength=self.base_strength)
         check_choice("base_law", self.base_law, LAWS)
+        check_choice("inking", self.inking, INKINGS)
         if not isinstance(self.coarse, bool) or not isinstance(self.base, str):
             name = "base" if isinstance(self.coarse, bool) else "coarse"
             raise OptionError(
@@ -239,13 +243,15 @@ class Recipe:
     def to_dict(self) -> dict[str, Any]:
         """Return the recipe as plain lists, numbers and strings, for JSON or TOML.
 
-        A layer's entries that older recipes lack are left out where they have no effect.
+        Entries that older recipes lack are left out where they have no effect.
         """
         record = dataclasses.asdict(self)
         record["layers"] = [
             {name: _plain(value) for name, value in layer.items() if _LATER.get(name, ...) != value}
             for layer in record["layers"]
         ]
+        if self.inking == INKINGS[0]:
+            del record["inking"]
         return {name: _plain(value) for name, value in record.items()}
 
     @classmethod

@@ -61,7 +61,7 @@ class Style:
 STYLES: dict[str, Style] = {
     "vein": Style(look="branching veins", wash=0.15),
     "cutout": Style(look="cut paper", filter_radius=8.0, mass=(0.18, 0.3), layers=2),
-    "chain": Style(look="chains and tendons", sources=(5, 8), sinks=(5, 8), ambient=(0.0, 0.0)),
+    "chain": Style(look="chains and tendons", sources=(5, 8), sinks=(5, 8), ambient=(0.0, 0.0), layers=2),
     "seed": Style(
         look="scattered seeds and links",
         sources=(34, 47),

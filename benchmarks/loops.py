@@ -28,6 +28,7 @@ sys.path.insert(0, str(ROOT / "samples"))
 import clips  # noqa: E402
 
 import toposeam as ts  # noqa: E402
+from stamp import stamp  # noqa: E402
 from toposeam_cli.media.clips.clip import Clip  # noqa: E402
 from toposeam_cli.media.clips.cut import Cut  # noqa: E402
 from toposeam_cli.media.clips.reading import open_clip  # noqa: E402
@@ -120,6 +121,7 @@ if __name__ == "__main__":
     parser.add_argument("--large", action="store_true")
     options = parser.parse_args()
     options.folder.mkdir(parents=True, exist_ok=True)
+    print(stamp())
     if options.large:
         large(options.folder)
     else:

@@ -23,7 +23,15 @@ from toposeam_cli.stitching.outputs import Outputs, check_outputs, crop_of, numb
 from toposeam_cli.stitching.place_options import FindingOptions, finding_options, with_defaults
 from toposeam_cli.stitching.positions import Where, position_options, width_round
 from toposeam_cli.stitching.rendering import render, write
-from toposeam_cli.stitching.report import documents_of, hidden, is_read, line_of_job, misfits, summary_of_job
+from toposeam_cli.stitching.report import (
+    documents_of,
+    doubts,
+    hidden,
+    is_read,
+    line_of_job,
+    misfits,
+    summary_of_job,
+)
 from toposeam_cli.stitching.search_options import (
     Means,
     SeamOptions,
@@ -82,6 +90,10 @@ def stitch(first: Path, second: Path | None, others: tuple[Path, ...], **given: 
     where, find, out = taken(Where, given), SeamOptions.taken(given), taken(Outputs, given)
     finding = taken(FindingOptions, given)
     check_outputs(out)
+    if out.save_layout is not None:
+        from toposeam_cli.stitching.saved_layout import check_layout
+
+        check_layout(out, finding)
     check_finding(find, out, given["dask"])
     if finding.groups:
         _check_groups(given, find)
@@ -141,6 +153,11 @@ def _stitch(
         )
     for reason in job.skipped:
         click.echo(f"left out: {reason}", err=True)
+    unsaved: list[str] = []
+    if out.save_layout is not None:
+        from toposeam_cli.stitching.saved_layout import checked_layout
+
+        out, unsaved = checked_layout(out, job)
     find, out = with_defaults(find, out, job, finding)
     if not all(isinstance(layer.image, Windows) for layer in job.layers):
         means = dataclasses.replace(means, workers=None)
@@ -157,7 +174,8 @@ def _stitch(
         from toposeam.layers.labelling.posing import check_pairs
 
         check_pairs(job.layers)
-    warnings = [] if out.quiet else strangers(job, find.of_stitch("wrap"), means.workers)
+    warnings = [] if out.quiet else [*doubts(job), *strangers(job, find.of_stitch("wrap"), means.workers)]
+    warnings += unsaved
     composed = join(job, find, out, files, means)
     warnings += [] if out.quiet else hidden(composed, _remedy_for_hidden(find))
     with all_or_nothing():

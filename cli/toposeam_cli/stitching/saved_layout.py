@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import toposeam as ts
@@ -10,6 +11,53 @@ from toposeam.layers.canvas.transforms import CameraTransform, similarity
 from toposeam_cli.media.layouts.hugin_project import ProjectPicture, project_text
 from toposeam_cli.media.layouts.layout import Layout, LayoutLayer, layout_text
 from toposeam_cli.stitching.inputs import PlacedPictures
+from toposeam_cli.stitching.outputs import Outputs
+from toposeam_cli.stitching.place_options import FindingOptions
+
+
+def check_layout(out: Outputs, finding: FindingOptions) -> None:
+    """Refuse a Hugin project of places that are none of cameras, before any work.
+
+    Raises
+    ------
+    OptionError
+    """
+    of_no_camera = "--exact" if finding.exact else f"--model {finding.model}"
+    if _is_project(out) and (finding.exact or finding.model not in ("auto", "rotation")):
+        raise ts.OptionError(
+            f"a Hugin project (.pto) is of a camera that turned, and {of_no_camera} finds none; save a "
+            "layout (.toml) instead"
+        )
+
+
+def checked_layout(out: Outputs, job: PlacedPictures) -> tuple[Outputs, list[str]]:
+    """Try the layout that is to be saved as soon as the places are known.
+
+    Returns
+    -------
+    out : Outputs
+        Without a layout that cannot be written of places that were found: it never costs the picture.
+    unsaved : list of str
+        Why it is not written.
+
+    Raises
+    ------
+    OptionError
+        When it cannot be written of places that were given.
+    """
+    if out.save_layout is None:
+        return out, []
+    try:
+        saved_layout(job, out.save_layout)
+    except ts.OptionError as error:
+        if job.placement is None:
+            raise
+        return replace(out, save_layout=None), [f"{out.save_layout} was not written: {error}"]
+    return out, []
+
+
+def _is_project(out: Outputs) -> bool:
+    return out.save_layout is not None and out.save_layout.suffix.lower() == ".pto"
 
 
 def saved_layout(job: PlacedPictures, path: Path) -> str:

@@ -6,10 +6,11 @@ from .find_places import PlaceOptions, among, found_places
 from .homography import applied
 from .pair_matching import Match
 from .perspective import View, camera_transforms, plane_transforms
-from .placement import MODELS, Placement, Residual
+from .placement import MODELS, VISIBLE_PX, Placement, Residual, large_canvas
 
 __all__ = [
     "MODELS",
+    "VISIBLE_PX",
     "Aligned",
     "Match",
     "PlaceOptions",
@@ -25,6 +26,7 @@ __all__ = [
     "evidence_of",
     "find_features",
     "found_places",
+    "large_canvas",
     "left_over",
     "plane_transforms",
     "without_contradictions",

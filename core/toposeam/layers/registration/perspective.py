@@ -42,7 +42,7 @@ from toposeam.layers.registration.bundle_adjustment import (
     spanning_tree,
     strengths_of,
 )
-from toposeam.layers.registration.consensus import divide_pairs
+from toposeam.layers.registration.consensus import divide_pairs, placed_elsewhere
 from toposeam.layers.registration.features import FeatureSet
 from toposeam.layers.registration.homography import applied, least_squares_homography
 from toposeam.layers.registration.pair_matching import ELSEWHERE, GRID, Match, find_patches, groups
@@ -390,7 +390,7 @@ def plane_transforms(
     )
 
 
-def loop_of(bundle: Bundle, matches: Collection[Pair]) -> tuple[bool, bool, list[Pair]]:
+def loop_of(bundle: Bundle, matches: Mapping[Pair, Match]) -> tuple[bool, bool, list[Pair]]:
     """Find out whether pictures of a turning camera make a loop.
 
     Returns
@@ -398,7 +398,7 @@ def loop_of(bundle: Bundle, matches: Collection[Pair]) -> tuple[bool, bool, list
     reaches : bool
         Whether their fields of view reach all the way round.
     closes : bool
-        Whether some loop of the matches leads round.
+        Whether some loop of the matches leads round, and all of them fit.
     ends : list of (int, int)
         Pairs that are not matched and would lead from one end to the other.
     """
@@ -413,7 +413,8 @@ def loop_of(bundle: Bundle, matches: Collection[Pair]) -> tuple[bool, bool, list
         for i, j in combinations(range(len(turns)), 2)
         if (i, j) not in matches and math.acos(min(facing[i, j], 1.0)) < reach[i] + reach[j]
     ]
-    return True, bool(closing(yaws, matches)), closing(yaws, near)
+    fits = not placed_elsewhere(bundle.sizes, bundle.medians(matches))
+    return True, fits and bool(closing(yaws, matches)), closing(yaws, near)
 
 
 def camera_transforms(bundle: Bundle, view: View) -> tuple[tuple[CameraTransform, ...], int | None]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from toposeam.arrays import Floats
 from toposeam.layers.canvas.layer import Layer
-from toposeam.layers.canvas.transforms import CameraTransform, PlaneTransform, Transform
+from toposeam.layers.canvas.transforms import CameraTransform, PlaneTransform, Transform, is_move
 from toposeam.layers.registration.placement import Placement, turned_back
 
 
@@ -60,7 +60,9 @@ def from_file(transform: Transform, quarters: int, size: tuple[int, int]) -> Tra
     if not quarters:
         return transform
     if isinstance(transform, PlaneTransform):
-        return PlaneTransform(transform.matrix @ matrix_of(quarters, size))
+        # What is only moved comes to lie on whole pixels.
+        matrix = np.rint(transform.matrix) if is_move(transform) else transform.matrix
+        return PlaneTransform(matrix @ matrix_of(quarters, size))
     if not isinstance(transform, CameraTransform):
         raise TypeError(f"{type(transform).__name__} is no transform of a picture")
     return replace(transform, size=size, rotation=transform.rotation @ matrix_of(quarters, (1, 1)))

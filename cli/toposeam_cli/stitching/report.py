@@ -241,12 +241,13 @@ def misfits(job: PlacedPictures, at: tuple[int, int] | None) -> list[str]:
     if placement is None:
         return []
     left, top = np.array(extent_of(job.layers).origin) + (at or (0, 0))
+    worst = placement.misfits
     sentences = [
         f"up to {residual.farthest:.0f} px are left between {job.layers[i].name} and {job.layers[j].name} "
         f"near {residual.near[0] - left:.0f},{residual.near[1] - top:.0f}; look whether the seam runs there"
-        for (i, j), residual in placement.misfits[:_MOST_NAMED]
+        for (i, j), residual in worst[:_MOST_NAMED]
     ]
-    more = len(placement.misfits) - _MOST_NAMED
+    more = len(worst) - _MOST_NAMED
     if more > 0:
         sentences.append(f"more than {VISIBLE_PX:g} px are left in {more} more pairs")
     return sentences

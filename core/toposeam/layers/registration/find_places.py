@@ -539,8 +539,8 @@ def _doubts_of(
 
     Where a camera was asked for and only a plane explains the pictures, no pair matches elsewhere.
     """
-    bundle = fit.bundle
-    medians = bundle.medians(fit.matches)
+    bundle, doubts = fit.bundle, list[str]()
+    medians = {} if fit.clear and len(fit.matches) < 2 else bundle.medians(fit.matches)
     if not fit.clear:
         distances = {pair: medians[pair] for pair in fit.outvoted}
         elsewhere = placed_elsewhere(bundle.sizes, distances)
@@ -554,7 +554,8 @@ def _doubts_of(
 
             raise ambiguous([matcher.names[number] for number in numbers], elsewhere, off)
     correlations = {pair: match.correlation for pair, match in fit.matches.items()}
-    doubts = moved_camera(medians, correlations, float(np.hypot(*bundle.sizes.T).min()))
+    if len(medians) > 1:
+        doubts = moved_camera(medians, correlations, float(np.hypot(*bundle.sizes.T).min()))
     return fit, doubts if fit.seeming_mm is None else [seems_flat(fit.seeming_mm), *doubts]
 
 

@@ -386,15 +386,19 @@ def agrees(a: FeatureSet, b: FeatureSet, shared: Indices, matrix: Floats, inlier
         The matches that agree with it.
     """
     first, second = a.keypoints[shared[:, 0]], b.keypoints[shared[:, 1]]
-    there = applied(matrix, b.keypoints)
-    back = np.asarray(np.linalg.inv(matrix), float)
-    shown = (a.keypoints[within(applied(back, a.keypoints), b.size)], there[within(there, a.size)])
-    near = np.linalg.norm(there[shared[:, 1]] - first, axis=1) < 4 * ELSEWHERE * np.hypot(*a.size)
-    features = np.max([_counted(points, a.size) for points in shown], axis=0)
+    there, size = applied(matrix, b.keypoints), a.size
+    near = np.linalg.norm(there[shared[:, 1]] - first, axis=1) < 4 * ELSEWHERE * np.hypot(*size)
+    features = np.max([_counted(points, size) for points in _shown(a, b, matrix, there)], axis=0)
     busy = features >= _LEAST_FEATURES
-    agreeing = busy & (_counted(first[near], a.size) > 0)
+    agreeing = busy & (_counted(first[near], size) > 0)
     fixed = np.mean(at_one_place(a, b, first[inliers], second[inliers])) > 0.5
     return bool(agreeing.sum() >= _LEAST_AGREEING[0 if fixed else 1] * busy.sum())
+
+
+def _shown(a: FeatureSet, b: FeatureSet, matrix: Floats, there: Floats) -> tuple[Floats, Floats]:
+    """Return the features of each picture in the overlap, px of `a`; `there` are all of `b`."""
+    back = np.asarray(np.linalg.inv(matrix), float)
+    return a.keypoints[within(applied(back, a.keypoints), b.size)], there[within(there, a.size)]
 
 
 def at_one_place(a: FeatureSet, b: FeatureSet, first: Floats, second: Floats) -> Mask:

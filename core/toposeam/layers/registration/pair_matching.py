@@ -68,6 +68,10 @@ _LEAST_CORNER = 0.1
 Kind: TypeAlias = Literal["similarity", "homography"]
 #: Two pictures by the digests of what is compared of them.
 _Digests: TypeAlias = tuple[bytes, bytes]
+#: Width and height of a picture, px.
+_Size: TypeAlias = tuple[int, int]
+#: (K, 2) x and y of the features that each of two pictures shows in their overlap, px of the first.
+_Shown: TypeAlias = tuple[Floats, Floats]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -269,7 +273,7 @@ def _match_pair(item: tuple[Kind, FeatureSet, FeatureSet, Indices]) -> Match | N
     match = find(a, b, shared)
     if match is None and len(shared):
         # What is the same at the same place in both, as a frame or a tool bar, may hide what they share.
-        fixed = at_one_place(a, b, a.keypoints[shared[:, 0]], b.keypoints[shared[:, 1]])
+        fixed = at_one_place(a, b, shared)
         if fixed.sum() >= _LEAST_FEATURES:
             match = find(a, b, shared[~fixed])
     return match
@@ -289,41 +293,39 @@ def match_homography(a: FeatureSet, b: FeatureSet, shared: Indices) -> Match | N
     Match or None
         None where too few features agree.
     """
-    scale = float(max(a.scale, b.scale))
+    tolerance = _TOLERANCE * float(max(a.scale, b.scale))
+    sizes = a.size, b.size
     first, second = a.keypoints[shared[:, 0]], b.keypoints[shared[:, 1]]
-    homography = find_homography(first, second, (a.size, b.size), _TOLERANCE * scale)
+    homography = find_homography(first, second, sizes, tolerance)
     if homography is None:
         return None
+    shown = _shown(a, b, sizes, homography.matrix)
     if not homography.verified:
-        planes = find_planes(first, second, (a.size, b.size), _TOLERANCE * scale)
-        if not together_verified(first, planes):
+        if not together_verified(first, find_planes(first, second, sizes, tolerance)):
             return None
-    elif not agrees(a, b, shared, homography.matrix, homography.inliers):
+    elif not _agrees(first, second, sizes, shown, homography.matrix, homography.inliers):
         return None
-    return _match_of(a, b, shared, homography)
+    return _match_of(a, b, shared, homography, shown)
 
 
 def match_planes(a: FeatureSet, b: FeatureSet, shared: Indices) -> list[Match]:
     """Match two pictures by each plane that their features lie on; parameters of :func:`match_homography`."""
     tolerance = _TOLERANCE * float(max(a.scale, b.scale))
-    both = a.keypoints[shared[:, 0]], b.keypoints[shared[:, 1]]
-    return [_match_of(a, b, shared, plane) for plane in find_planes(*both, (a.size, b.size), tolerance)]
+    sizes = a.size, b.size
+    planes = find_planes(a.keypoints[shared[:, 0]], b.keypoints[shared[:, 1]], sizes, tolerance)
+    return [_match_of(a, b, shared, one, _shown(a, b, sizes, one.matrix)) for one in planes]
 
 
-def _match_of(a: FeatureSet, b: FeatureSet, shared: Indices, homography: Homography) -> Match:
+def _match_of(a: FeatureSet, b: FeatureSet, shared: Indices, homography: Homography, shown: _Shown) -> Match:
     """Return the match of the features that agree with a homography."""
-    inliers, back = homography.inliers, np.asarray(np.linalg.inv(homography.matrix), float)
-    common = min(
-        int(within(applied(back, a.keypoints), b.size).sum()),
-        int(within(applied(homography.matrix, b.keypoints), a.size).sum()),
-    )
+    inliers = homography.inliers
     return Match(
         a.keypoints[shared[inliers, 0]],
         b.keypoints[shared[inliers, 1]],
         math.nan,
         matrix=homography.matrix,
         features=int(inliers.sum()),
-        share=float(inliers.sum()) / max(common, 1),
+        share=float(inliers.sum()) / max(min(map(len, shown)), 1),
         uncertainty=FEATURE_DEVIATION * float(max(a.scale, b.scale)),
     )
 
@@ -352,7 +354,8 @@ def _match_similarity(a: FeatureSet, b: FeatureSet, shared: Indices) -> Match | 
     if abs(np.degrees(model.rotation)) > LARGEST_TURN or abs(model.scale - 1) > LARGEST_SCALE:
         return None
     matrix = np.asarray(model.params, float)
-    if not agrees(a, b, shared, matrix, inliers):
+    both, sizes = (a.keypoints[shared[:, 0]], b.keypoints[shared[:, 1]]), (a.size, b.size)
+    if not _agrees(*both, sizes, _shown(a, b, sizes, matrix), matrix, inliers):
         return None
     match = None
     for _ in range(2):  # patches laid about where they belong, and then exactly
@@ -367,7 +370,15 @@ def _match_similarity(a: FeatureSet, b: FeatureSet, shared: Indices) -> Match | 
     return match
 
 
-def agrees(a: FeatureSet, b: FeatureSet, shared: Indices, matrix: Floats, inliers: Mask) -> bool:
+def _shown(a: FeatureSet, b: FeatureSet, sizes: tuple[_Size, _Size], matrix: Floats) -> _Shown:
+    """Return the features of each picture in the overlap, px of `a`, where a matrix takes points of `b`."""
+    there, back = applied(matrix, b.keypoints), np.asarray(np.linalg.inv(matrix), float)
+    return a.keypoints[within(applied(back, a.keypoints), sizes[1])], there[within(there, sizes[0])]
+
+
+def _agrees(
+    first: Floats, second: Floats, sizes: tuple[_Size, _Size], shown: _Shown, matrix: Floats, inliers: Mask
+) -> bool:
     """Test whether two pictures agree all over their overlap, not only where features brought them together.
 
     Unrelated pictures share a frame, a menu with its tool bar, a logo or a caption. These lie at the same
@@ -377,42 +388,42 @@ def agrees(a: FeatureSet, b: FeatureSet, shared: Indices, matrix: Floats, inlier
 
     Parameters
     ----------
-    a, b : FeatureSet
-    shared : (M, 2) int array
-        Numbers of the features that match.
+    first, second : (M, 2) float arrays
+        x and y of the features that match, px.
+    sizes : two of (int, int)
+        Width and height of the pictures.
+    shown : two (K, 2) float arrays
+        All features of each in the overlap (:func:`_shown`).
     matrix : (3, 3) float array
-        Takes points of `b` to `a`.
+        Takes points of the second picture to the first.
     inliers : (M,) bool array
         The matches that agree with it.
     """
-    first, second = a.keypoints[shared[:, 0]], b.keypoints[shared[:, 1]]
-    there, size = applied(matrix, b.keypoints), a.size
-    near = np.linalg.norm(there[shared[:, 1]] - first, axis=1) < 4 * ELSEWHERE * np.hypot(*size)
-    features = np.max([_counted(points, size) for points in _shown(a, b, matrix, there)], axis=0)
-    busy = features >= _LEAST_FEATURES
-    agreeing = busy & (_counted(first[near], size) > 0)
-    fixed = np.mean(at_one_place(a, b, first[inliers], second[inliers])) > 0.5
+    apart = np.linalg.norm(applied(matrix, second) - first, axis=1)
+    near = apart < 4 * ELSEWHERE * np.hypot(*sizes[0])
+    busy = np.max([_counted(points, sizes[0]) for points in shown], axis=0) >= _LEAST_FEATURES
+    agreeing = busy & (_counted(first[near], sizes[0]) > 0)
+    fixed = np.mean(_at_one_place(first[inliers], second[inliers], sizes)) > 0.5
     return bool(agreeing.sum() >= _LEAST_AGREEING[0 if fixed else 1] * busy.sum())
 
 
-def _shown(a: FeatureSet, b: FeatureSet, matrix: Floats, there: Floats) -> tuple[Floats, Floats]:
-    """Return the features of each picture in the overlap, px of `a`; `there` are all of `b`."""
-    back = np.asarray(np.linalg.inv(matrix), float)
-    return a.keypoints[within(applied(back, a.keypoints), b.size)], there[within(there, a.size)]
+def at_one_place(a: FeatureSet, b: FeatureSet, shared: Indices) -> Mask:
+    """Test which of the features that two pictures share lie at the same place in both: (M,)."""
+    return _at_one_place(a.keypoints[shared[:, 0]], b.keypoints[shared[:, 1]], (a.size, b.size))
 
 
-def at_one_place(a: FeatureSet, b: FeatureSet, first: Floats, second: Floats) -> Mask:
+def _at_one_place(first: Floats, second: Floats, sizes: tuple[_Size, _Size]) -> Mask:
     """Test which points lie at the same place in two pictures, (M,): counted from the corner or middle from
     which most do, or as a share of the sizes.
     """
-    sizes = np.array(a.size, float), np.array(b.size, float)
-    anchors = [np.array(anchor) * (sizes[0] - sizes[1]) for anchor in product((0, 0.5, 1), repeat=2)]
-    moves = [first - second - anchor for anchor in anchors] + [first - second * (sizes[0] / sizes[1])]
-    largest = ELSEWHERE * np.hypot(*sizes[0])
+    a, b = (np.array(size, float) for size in sizes)
+    moves = [first - second - np.array(anchor) * (a - b) for anchor in product((0, 0.5, 1), repeat=2)]
+    moves.append(first - second * (a / b))
+    largest = ELSEWHERE * np.hypot(*a)
     return max((np.linalg.norm(move, axis=1) <= largest for move in moves), key=lambda one: one.sum())
 
 
-def _counted(points: Floats, size: tuple[int, int]) -> Indices:
+def _counted(points: Floats, size: _Size) -> Indices:
     """Count (M, 2) points by cells of a picture of that width and height."""
     cells = np.clip((points / np.array(size) * GRID).astype(np.intp), 0, GRID - 1)
     return np.bincount(cells @ [GRID, 1], minlength=GRID**2)

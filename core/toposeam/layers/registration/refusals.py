@@ -34,7 +34,7 @@ OVERLAID = "what lies at the same place in both, as a frame, a tool bar, a menu 
 
 def is_overlaid(a: FeatureSet, b: FeatureSet, shared: Indices) -> bool:
     """Test whether most features that two pictures share lie at the same place in both."""
-    fixed = at_one_place(a, b, a.keypoints[shared[:, 0]], b.keypoints[shared[:, 1]])
+    fixed = at_one_place(a, b, shared)
     return bool(fixed.sum() >= LEAST_INLIERS and 2 * fixed.sum() > len(fixed))
 
 

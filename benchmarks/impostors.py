@@ -18,7 +18,7 @@ reduced to 800 px. Nothing is said about them. Made of them are:
 
 Of *same*, *halves* and *strangers* none should be joined, of *true* all with every picture. Of *turned* is
 counted what looks the same (SSIM above 0.99) as it lies, and in some orientation: of two pictures one of
-which lies turned nothing but the light says which.
+which lies turned, the camera's way and the light say which, and the light may come from below.
 """
 
 from __future__ import annotations

@@ -258,7 +258,7 @@ def found_places(
 
         upright = [turned(picture, own) for picture, own in zip(pictures, quarters, strict=True)]
         matcher = PairMatcher(upright, report, executor)
-    placement = _by_the_seam(matcher, options, _poorest_model(matcher, options), bends=not any(quarters))
+    placement = _by_the_seam(matcher, options, _poorest_model(matcher, options))
     if options.centre is not None and options.centre not in placement.numbers:
         raise OverlapError(
             "{centre} is to lie in the middle, but {why}; name another picture",
@@ -311,9 +311,9 @@ def _poorest_model(matcher: PairMatcher, options: PlaceOptions) -> Placement:
     return similar if _farthest(similar) <= largest else other
 
 
-def _by_the_seam(matcher: PairMatcher, options: PlaceOptions, placement: Placement, bends: bool) -> Placement:
+def _by_the_seam(matcher: PairMatcher, options: PlaceOptions, placement: Placement) -> Placement:
     """Choose among the alignments of two photographs, unless all points fit, the one with the cheapest
-    seam; `bends` says whether a mesh may bend them, as a mesh is not turned back.
+    seam.
     """
     if len(placement.numbers) != 2 or placement.model not in ("plane", "rotation") or options.points:
         return placement
@@ -334,7 +334,7 @@ def _by_the_seam(matcher: PairMatcher, options: PlaceOptions, placement: Placeme
                 yield _adjusted(matcher, replace(options, model=family), numbers, own, labels)
 
     pictures = [matcher.pictures[number] for number in numbers]
-    return cheapest(pictures, placement, others(), planes if bends and options.model == "auto" else ())
+    return cheapest(pictures, placement, others(), planes if options.model == "auto" else ())
 
 
 def _farthest(placement: Placement) -> float:

@@ -6,6 +6,7 @@ import hashlib
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import combinations, product
 from typing import Any, Literal, TypeAlias
 
@@ -14,7 +15,7 @@ import scipy
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from toposeam.arrays import Floats, Floats32, Indices, Mask
+from toposeam.arrays import Complexes, Floats, Floats32, Indices, Mask
 from toposeam.heat.threads import one_thread
 from toposeam.layers.canvas.layer import Layer
 from toposeam.layers.canvas.transforms import (
@@ -524,7 +525,8 @@ def quarter_turns(
 
     The features that two pictures share say by how many one lies turned against the other. Along the
     strongest pairs this says how each picture of a group lies, and most of them lie upright. Where as many
-    lie otherwise, as of two pictures, the light decides, which comes from above.
+    lie otherwise, as of two pictures, those do that people have panned sideways, and then the light decides,
+    which comes from above.
 
     Parameters
     ----------
@@ -535,6 +537,7 @@ def quarter_turns(
         Returns the (M, 2) numbers of the features that a pair shares.
     """
     group, turns = list(range(len(features))), [0] * len(features)
+    moves: dict[int, list[complex]] = {index: [] for index in group}  # from there to others
     for i, j in pairs:
         if len(shared((i, j))) < LEAST_INLIERS:
             break
@@ -543,6 +546,7 @@ def quarter_turns(
         turn = _turn_between(features[i], features[j], shared((i, j)))
         if turn is None:
             continue
+        moves[i].append(_move_between(features[i], features[j], shared((i, j)), turn))
         # The whole group of j turns with it.
         extra, old = turns[i] + turn - turns[j], group[j]
         for k in (k for k, own in enumerate(group) if own == old):
@@ -550,10 +554,20 @@ def quarter_turns(
     result = [0] * len(features)
     for own in set(group):
         members = [k for k in range(len(features)) if group[k] == own]
-        upright = _upright([features[k] for k in members], [turns[k] for k in members])
+        counts = np.bincount([turns[k] for k in members], minlength=4)
+        upright = np.flatnonzero(counts == counts.max()).tolist()
+        if len(upright) > 1:
+            light = sum(features[k].light * _turned(turns[k]) for k in members)
+            panned = np.array([move * _turned(turns[k]) for k in members for move in moves[k]])
+            upright.sort(key=partial(_looks_upright, light, panned), reverse=True)
         for k in members:
-            result[k] = (turns[k] - upright) % 4
+            result[k] = (turns[k] - upright[0]) % 4
     return result
+
+
+def _turned(quarters: int) -> complex:
+    """Return the factor that turns x + iy, with y down, by quarter turns counterclockwise."""
+    return complex((-1j) ** quarters)
 
 
 def _turn_between(a: FeatureSet, b: FeatureSet, shared: Indices) -> int | None:
@@ -569,12 +583,20 @@ def _turn_between(a: FeatureSet, b: FeatureSet, shared: Indices) -> int | None:
     return turn if turn == 0 or match_homography(a, b, shared) is not None else None
 
 
-def _upright(features: Sequence[FeatureSet], turns: Sequence[int]) -> int:
-    """Choose the turn of the pictures that lie upright."""
-    counts = np.bincount(turns, minlength=4)
-    tied = np.flatnonzero(counts == counts.max())
-    if len(tied) == 1:
-        return int(tied[0])
-    # The light of all pictures, turned to lie as those of turn 0.
-    light = sum((one.light * 1j ** (-turn) for one, turn in zip(features, turns, strict=True)), start=0j)
-    return int(max(tied, key=lambda turn: -(light * 1j**turn).imag))
+def _move_between(a: FeatureSet, b: FeatureSet, shared: Indices, turn: int) -> complex:
+    """Find how far the middle of `b`, turned by quarter turns, lies from that of `a`, of the diagonal."""
+    first, second = (
+        one.keypoints[numbers] @ [1, 1j] - np.array(one.size) @ [0.5, 0.5j]
+        for one, numbers in zip((a, b), shared.T, strict=True)
+    )
+    moves = first - second * _turned(turn)
+    return complex(np.median(moves.real), np.median(moves.imag)) / math.hypot(*a.size)
+
+
+def _looks_upright(light: complex, moves: Complexes, turned: int) -> tuple[bool, float]:
+    """Rate how much pictures look upright where they lie turned by so many quarter turns: whether the camera
+    was panned sideways, and how much lighter it is above.
+    """
+    upright = _turned(-turned)
+    sideways = ((moves * upright) ** 2).real > 0.5 * (np.abs(moves) ** 2 + ELSEWHERE**2)
+    return bool(np.mean(sideways) > 0.5), -(light * upright).imag

@@ -179,7 +179,7 @@ def turned_back(names: Sequence[str], quarters: Sequence[int]) -> list[str]:
         those = [name for name, own in zip(names, quarters, strict=True) if own == turn]
         if those:
             way = "by 180°" if turn == 2 else f"by 90° {'counter' if turn == 1 else ''}clockwise"
-            guess = "" if 2 * len(those) < len(names) else "; that this is upright is a guess by the light"
+            guess = "" if 2 * len(those) < len(names) else "; that this is upright is a guess"
             lay = "was" if len(those) == 1 else "were"
             told.append(f"{named_few(those)} {lay} turned {way}, as the pixels lay otherwise{guess}")
     return told

@@ -10,7 +10,13 @@ import numpy as np
 
 from toposeam.arrays import Floats
 from toposeam.layers.canvas.layer import Layer
-from toposeam.layers.canvas.transforms import CameraTransform, PlaneTransform, Transform, is_move
+from toposeam.layers.canvas.transforms import (
+    CameraTransform,
+    MeshTransform,
+    PlaneTransform,
+    Transform,
+    is_move,
+)
 from toposeam.layers.registration.placement import Placement, turned_back
 
 
@@ -59,10 +65,21 @@ def from_file(transform: Transform, quarters: int, size: tuple[int, int]) -> Tra
     """Return the transform of a picture of that width and height from that of the same one turned."""
     if not quarters:
         return transform
-    if isinstance(transform, PlaneTransform):
+    if isinstance(transform, PlaneTransform) and is_move(transform):
         # What is only moved comes to lie on whole pixels.
-        matrix = np.rint(transform.matrix) if is_move(transform) else transform.matrix
-        return PlaneTransform(matrix @ matrix_of(quarters, size))
+        transform = PlaneTransform(np.rint(transform.matrix))
+    return _turned_first(transform, quarters, size)
+
+
+def _turned_first(transform: Transform, quarters: int, size: tuple[int, int]) -> Transform:
+    """Return the transform that turns a picture of that width and height, and then does as the given one."""
+    if isinstance(transform, MeshTransform):
+        base = _turned_first(transform.base, quarters, size)
+        return replace(
+            transform, base=base, size=size, coefficients=np.rot90(transform.coefficients, -quarters)
+        )
+    if isinstance(transform, PlaneTransform):
+        return PlaneTransform(transform.matrix @ matrix_of(quarters, size))
     if not isinstance(transform, CameraTransform):
         raise TypeError(f"{type(transform).__name__} is no transform of a picture")
     return replace(transform, size=size, rotation=transform.rotation @ matrix_of(quarters, (1, 1)))

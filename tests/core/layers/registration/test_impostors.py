@@ -107,7 +107,20 @@ def test_of_two_the_one_that_is_light_above_lies_upright():
         image = np.asarray(found.layers[0].image)
         assert image.shape[0] < image.shape[1]
         assert image[:40].mean() > image[-40:].mean()
-        assert "a guess by the light" in found.doubts[0]
+        assert "is a guess" in found.doubts[0]
+
+
+@pytest.mark.medium
+@pytest.mark.parametrize("quarters", [1, 3])
+def test_of_two_those_that_were_panned_sideways_lie_upright(quarters):
+    """Even where the light comes from one side."""
+    light = np.linspace(0, 200, 500)[:, np.newaxis]
+    light = light if quarters == 1 else light[::-1]
+    whole = (0.3 * data.coffee()[:240, :500] + 0.6 * light).astype(np.uint8)
+    layers = [ts.Layer(np.rot90(whole[:, :310], quarters), name="a"), ts.Layer(whole[:, 190:], name="b")]
+    found = ts.find_places(layers)
+    assert "a was turned by 90°" in found.doubts[0]
+    assert [layer.image.shape[:2] for layer in found.layers] == [(240, 310), (240, 310)]
 
 
 # Points that somebody marked.

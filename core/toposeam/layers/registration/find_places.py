@@ -476,15 +476,12 @@ def _adjusted(
     if bundle.family == "rotation":
         reaches, closes, ends = perspective.loop_of(fit.bundle, fit.matches)
         if reaches and not closes:
-            tried = [(numbers[i], numbers[j]) for i, j in ends]
-            more = among(
-                numbers,
-                {
-                    pair: match
-                    for pair, match in zip(tried, matcher.homographies(tried), strict=True)
-                    if match is not None
-                },
-            )
+            tried = matcher.homographies([(numbers[i], numbers[j]) for i, j in ends])
+            more = {
+                pair: match
+                for pair, own in zip(ends, tried, strict=True)
+                if (match := own or perspective.match_ends(features, bundle, pair, options.least_correlation))
+            }
             if more:
                 matches = dict(sorted({**matches, **more}.items()))
                 fit = perspective.fit_models(features, matches, [bundle.family], lens, matcher.executor)

@@ -304,6 +304,35 @@ def _with_patches(
     return exact
 
 
+def match_ends(features: Sequence[FeatureSet], bundle: Bundle, pair: Pair, least: float) -> Match | None:
+    """Match two pictures that share few features by patches of the overlap that a bundle gives them.
+
+    Parameters
+    ----------
+    features : sequence of FeatureSet
+        Of all pictures of the bundle.
+    bundle : Bundle
+    pair : (int, int)
+    least : float
+        Least correlation of the overlap.
+
+    Returns
+    -------
+    Match or None
+        None where too few patches show the same.
+    """
+    i, j = pair
+    patches = _align_patches((features[i], features[j], _PairTransform.of(bundle, i, j)))
+    if patches is None or len(patches.first) < _LEAST_PATCHES or patches.correlation < least:
+        return None
+    return replace(
+        patches,
+        features=len(patches.first),
+        share=patches.correlation,
+        uncertainty=np.full(len(patches.first), _PATCH_DEVIATION),
+    )
+
+
 @one_thread()
 def _align_patches(item: tuple[FeatureSet, FeatureSet, _PairTransform]) -> Match | None:
     return find_patches(*item, count=GRID)

@@ -43,6 +43,17 @@ def test_pictures_that_share_a_frame_are_strangers(frame, size):
 
 
 @pytest.mark.medium
+def test_pictures_whose_frame_has_most_of_the_detail_are_strangers(frame):
+    """In more than half of the cells that show anything the frame agrees, but not in the middle."""
+    one, other = data.astronaut()[:240, :300].copy(), data.coffee()[100:340, 100:400].copy()
+    one[:190], other[:190] = 200, 180
+    one[:60, 100:160], other[:60, 100:160] = data.camera()[:60, :60, None], data.coffee()[200:260, :60]
+    layers = [ts.Layer(framed(pixels, frame, 60), name=name) for pixels, name in ((one, "a"), (other, "b"))]
+    with pytest.raises(ts.OverlapError, match="only what lies at the same place in both, as a frame"):
+        ts.find_places(layers)
+
+
+@pytest.mark.medium
 def test_below_the_same_tool_bar_the_scrolled_page_matches(frame):
     page, bar = data.coffee(), frame[:60, :300]
     layers = [

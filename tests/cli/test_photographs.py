@@ -390,6 +390,19 @@ def test_without_a_level_horizon_the_middle_is_upright(views, toposeam):
 
 
 @pytest.mark.medium
+def test_a_horizon_lies_level(views, toposeam):
+    line = np.array([[10.0, 30.0], [80.0, 48.0]])
+    words = "--horizon", "b.png=10,30,80,48"
+    joined(toposeam, *TWO, *words, "--save-layout", "out.toml", "-o", "out.png")
+    transforms, _ = layout_of("out.toml", SIZE)
+    across, down = np.diff(transforms["b.png"].to_canvas(line), axis=0)[0]
+    assert across > 60
+    assert abs(down) < 0.02
+    joined(toposeam, "two.toml", *words, "-o", "again.png")
+    assert Path("again.png").read_bytes() == Path("out.png").read_bytes()
+
+
+@pytest.mark.medium
 def test_focal_length_and_lens_are_kept_as_given(views, toposeam):
     mm = round(equivalent_mm(FOCAL, SIZE)) + 0.5
     given = told(toposeam, *TWO, "--model", "rotation", "--focal", mm, "--lens", "0", "-o", "out.png")
@@ -413,6 +426,8 @@ def test_focal_length_and_lens_are_kept_as_given(views, toposeam):
         (("--model", "plane", "--no-level"), "--no-level is for a camera that turns"),
         (("--centre", "2"), "--centre 2 is none of the pictures; give a number from 0 to 1, or a name, like"),
         (("--centre", "c.png"), "--centre c.png is none of the pictures"),
+        (("--horizon", "c.png=1,2,3,4"), "'c.png' is no picture of this job"),
+        (("--horizon", "1=1,2,1,2"), "whose ends the canvas does not show apart"),
         (("--centre", "-1"), "--centre -1 is none of the pictures"),
         (("--exact", "--fov", "60"), "--fov is for a camera that turns, not for --exact"),
         (("--offset", "9,9", "--model", "plane"), "--model is for places that are found"),
@@ -435,6 +450,9 @@ def test_options_that_contradict_each_other(sole, words, phrase):
         ("--lens", "b"),
         ("--fov", "0"),
         ("--fov", "361"),
+        ("--horizon", "1=1,2,3"),
+        ("--horizon", "1=1,2,3,nan"),
+        ("--horizon", "1,2,3,4"),
         ("--as", "paintings"),
     ],
 )

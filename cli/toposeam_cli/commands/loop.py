@@ -113,7 +113,7 @@ class DurationType(click.ParamType):  # type: ignore[type-arg]
 @option(
     "--seed", heading="Loop", type=int, default=0, show_default=True, help="Of --grow: decides the order."
 )
-@surface_cost_option("gradient")
+@surface_cost_option
 @option(
     "--mesh", heading="Output", type=OUTPUT, help="Also write the surface in x, y and time: .ply or .stl."
 )
@@ -166,6 +166,9 @@ def loop(clip: Path, output: Path, **given: Any) -> None:
                 _write_mesh(made.surfaces[0].mesh(), temporary, given["mesh"].suffix.lower())
     if read.sound and not quiet:
         say(f"{clip} has sound, which is left out", err=True)
+    if made.shot != (0, len(read.frames)) and not quiet:
+        first, last = made.shot
+        say(f"{clip} has cuts; the loop stays in the shot of frames {first} to {last - 1}", err=True)
     if made.verdict.moved is not None and not quiet:
         right, down = made.verdict.moved
         say(

@@ -46,7 +46,7 @@ _OF_RECIPE = (
     "base_strength",
     "base_law",
 )
-_OF_LAYERS = ("mass", "penalty", "ambient")
+_OF_LAYERS = ("mass", "penalty", "ambient", "avoid")
 #: Extensions of the pages of ``--explore``.
 _PAGES = (".html", ".htm")
 
@@ -55,6 +55,7 @@ _PAGES = (".html", ".htm")
     cls=Command,
     everyday=[
         "output",
+        "style",
         "repeat",
         "layers",
         "palette",
@@ -104,6 +105,7 @@ _PAGES = (".html", ".htm")
     help="Let heat take its ways in a block of this many elements' height, and write the mesh: .stl or .ply.",
 )
 @option("--palettes", heading="Output", is_flag=True, help="Print the palettes that have a name.")
+@option("--styles", heading="Output", is_flag=True, help="Print the styles, and what they look like.")
 @option(
     "--show-recipe",
     heading="Output",
@@ -124,6 +126,7 @@ def motif(
     explore: tuple[int, int] | None,
     depth: int | None,
     palettes: bool,
+    styles: bool,
     show_recipe: bool,
     force: bool,
     quiet: bool,
@@ -131,7 +134,8 @@ def motif(
     """Invent a motif by leading heat from sources to sinks, one layer of ink at a time.
 
     \b
-    toposeam motif -o motif.png --repeat p4m --palette fall --seed 7
+    toposeam motif -o motif.png --seed 7
+    toposeam motif -o motif.png --style fern --repeat p4m --palette fall
     toposeam motif -o sheet.svg --sheet 4x4 --motif-width 60mm --base logo.png
     toposeam motif -o sister.png --like motif.png --vary 0.3 --seed 2
     toposeam motif -o relatives.html --like motif.png --explore 5x4
@@ -141,6 +145,10 @@ def motif(
     if palettes:
         for name, colours in ts.motif.PALETTES.items():
             say(f"{name:<11} {' '.join(colours)}")
+        return
+    if styles:
+        for name, style in ts.motif.STYLES.items():
+            say(f"{name:<8} {style.look}")
         return
     if output is None and not show_recipe:
         raise click.UsageError("say where the motif goes: -o motif.png, .tif or .svg")
@@ -195,7 +203,9 @@ def _solid(
         raise ts.OptionError("--depth makes a mesh; say where it goes with -o vase.stl, or .ply")
     begun = _begun(beginning)
     alone = begun[0] is None and not begun[2]
-    given = {"size": (depth, depth)} | ({"repeat": "none", "layers": 1} if alone else {}) | given
+    given = (
+        {"size": (depth, depth)} | ({"repeat": "none", "layers": 1, "style": "vein"} if alone else {}) | given
+    )
     recipe, _ = _recipe(given, beginning.amount, begun)
     recipe = dataclasses.replace(recipe, layers=recipe.layers[:1])
     with share_bar(f"inventing {output.name}", quiet) as bar:
@@ -287,7 +297,7 @@ def _recipe(
         raise ts.OptionError(
             "--vary needs a motif to begin with; name one with --from or --like, or a recipe with --config"
         )
-    given = {"repeat": "translate", **given}
+    given = {"repeat": None, "style": None, **given}
     width, height = given.pop("size", (256, 256))
     return ts.motif.random_recipe((height, width), **given), printed
 
@@ -328,7 +338,19 @@ def _checked(table: Mapping[str, Any], config: Path) -> dict[str, Any]:
 
 
 _NOT_IN_FILES = {
-    *("output", "config", "like", "amount", "sheet", "pixels", "palettes", "show_recipe", "force", "quiet"),
+    *(
+        "output",
+        "config",
+        "like",
+        "amount",
+        "sheet",
+        "pixels",
+        "palettes",
+        "styles",
+        "show_recipe",
+        "force",
+        "quiet",
+    ),
     *("explore", "depth", "source", "number"),
     *("width_mm", "dpi", "levels", "transparent", "separations", "spot_names"),
 }
@@ -344,7 +366,7 @@ def _with_strengths(places: list[Any]) -> list[Any]:
 def _changed(recipe: ts.motif.Recipe, given: dict[str, Any], amount: float | None) -> ts.motif.Recipe:
     """Return a whole recipe with the given options changed, then varied."""
     seed = given.pop("seed", None)
-    palette = given.pop("palette", None)
+    palette, style = given.pop("palette", None), given.pop("style", None)
     wrong = [name for name in given if name not in (*_OF_RECIPE, *_OF_LAYERS)]
     if wrong:
         raise ts.OptionError(
@@ -357,7 +379,11 @@ def _changed(recipe: ts.motif.Recipe, given: dict[str, Any], amount: float | Non
             amount=1.0 if amount is None else amount,
             seed=recipe.seed + 1 if seed is None else seed,
         )
+    if style is not None:
+        recipe = ts.motif.restyle(recipe, style)
     layers = [dataclasses.asdict(layer) for layer in recipe.layers]
+    for name in {"iterations", "filter_radius"} & set(given):  # of all layers
+        layers = [{**layer, name: None} for layer in layers]
     for name in set(given) & set(_OF_LAYERS):
         value = given.pop(name)
         values = list(value) if isinstance(value, tuple | list) else [value] * len(layers)

@@ -140,7 +140,10 @@ def unseen_inks(recipe: ts.motif.Recipe) -> str | None:
 def describe(made: ts.motif.Motif, counts: tuple[int, int]) -> str:
     """Return one line about a motif for people."""
     many = "" if counts == (1, 1) else f"{counts[1]} × {counts[0]} motifs, "
-    return f"{many}{counted(len(made.inks), 'ink')}, repeats by {made.repeat}, seed {made.recipe.seed}"
+    styles = " and ".join(dict.fromkeys(layer.style for layer in made.recipe.layers))
+    return (
+        f"{many}{styles}, {counted(len(made.inks), 'ink')}, repeats by {made.repeat}, seed {made.recipe.seed}"
+    )
 
 
 def per_mm(dpi: float | None) -> tuple[float, float] | None:

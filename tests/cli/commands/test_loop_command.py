@@ -369,3 +369,11 @@ def test_clips_with_a_time_in_their_name_are_read(toposeam, video, tmp_path, mon
         shutil.copy("clip.mp4", name)
         ran = toposeam("loop", "-o", tmp_path / "o.mp4", "--length", "12", "--force", "--", name)
         assert ran.code == 0, (name, ran)
+
+
+def test_cuts_are_said(toposeam, tmp_path):
+    shots = np.concatenate([frames(24) // 8, 220 + frames(16) // 8])
+    cut = animated(tmp_path / "cut.webp", shots, lossless=True)
+    ran = toposeam("loop", cut, "-o", tmp_path / "loop.webp", "--transition", "5")
+    assert ran.code == 0, ran
+    assert "has cuts; the loop stays in the shot of frames 0 to 23" in ran.err

@@ -10,7 +10,7 @@ import toposeam as ts
 from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
 from toposeam_cli.motifs.recipe_files import read_recipe, to_toml
 
-SMALL = ("--size", "32", "--layers", "2", "--iterations", "6")
+SMALL = ("--style", "vein", "--size", "32", "--layers", "2", "--iterations", "6")
 
 
 def rendered(path, width):
@@ -28,7 +28,7 @@ def made(folder, toposeam):
         "motif", "-o", "motif.png", *SMALL, "--repeat", "rotate", "--seed", "3", "--palette", "fall"
     )
     assert (ran.code, ran.err) == (0, "")
-    assert ran.out == "motif.png: 32 × 32 px, 2 inks, repeats by rotate, seed 3\n"
+    assert ran.out == "motif.png: 32 × 32 px, vein, 2 inks, repeats by rotate, seed 3\n"
     return folder
 
 
@@ -78,7 +78,7 @@ def test_a_picture_of_another_shape_is_filled_and_cropped(made, toposeam):
 def test_relatives_keep_what_they_share(made, toposeam):
     near = ("--vary", "0.1", "--seed", "9", "--palette", "#fff0e0 #102030 #405060")
     toposeam("motif", "-o", "near.png", "--like", "motif.png", *near)
-    toposeam("motif", "-o", "far.png", "--like", "motif.png", "--seed", "9")
+    toposeam("motif", "-o", "far.png", "--like", "motif.png", "--seed", "9", "--vary", "0.5")
     first, near, far = (read_recipe(made / f"{name}.png") for name in ("motif", "near", "far"))
     assert near.repeat == far.repeat == "rotate"
     assert near.layers[1].ink == (0x40 / 255, 0x50 / 255, 0x60 / 255)
@@ -194,6 +194,10 @@ def test_a_sheet_starting_between_pixels_shows_no_lines(folder, toposeam):
         "motif",
         "-o",
         "sheet.svg",
+        "--style",
+        "vein",
+        "--repeat",
+        "translate",
         "--size",
         "48",
         "--mass",

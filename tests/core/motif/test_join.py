@@ -275,3 +275,16 @@ def test_members_begin_as_blends_of_the_fixed_ones_beside_them():
     for index, share in ((1, 1 / 3), (2, 2 / 3)):
         blend = (1 - share) * left + share * right
         np.testing.assert_allclose(designs[index], 0.2 * blend / blend.mean())
+
+
+@pytest.mark.parametrize("repeat", ["p2", "pmm", "p4m"])
+def test_joined_motifs_keep_the_group_they_share(repeat):
+    given = {"layers": 1, "iterations": 5, "palette": "sea"}
+    recipes = [ts.motif.random_recipe(32, repeat=repeat, seed=seed, **given) for seed in (1, 2)]
+    for motif in ts.motif.join_motifs(recipes, stages=2).motifs:
+        density = motif.densities[0]
+        np.testing.assert_array_equal(density, density[::-1, ::-1])
+        if repeat != "p2":
+            np.testing.assert_array_equal(density, density[:, ::-1])
+        if repeat == "p4m":
+            np.testing.assert_array_equal(density, density.T)

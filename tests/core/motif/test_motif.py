@@ -107,12 +107,20 @@ def test_motifs_show_themselves(tmp_path):
 def test_variation_moves_ambient_heat_into_its_range():
     recipe = ts.motif.random_recipe(48, seed=1, ambient=1.0)
     moved = [layer.ambient for layer in ts.motif.vary(recipe, amount=0.5, seed=2).layers]
-    assert all(0.5 * 1.0 + 0.5 * 0.2 <= value <= 0.5 * 1.0 + 0.5 * 0.9 for value in moved)
+    assert all(0.5 * 1.0 + 0.5 * 0.47 <= value <= 0.5 * 1.0 + 0.5 * 0.97 for value in moved)
     assert len(set(moved)) == len(moved)
-    far = [layer.ambient for layer in ts.motif.vary(recipe, amount=1.0, seed=2).layers]
-    assert all(0.2 <= value <= 0.9 for value in far)
     none = ts.motif.random_recipe(48, seed=1, ambient=0.0)
-    assert [layer.ambient for layer in ts.motif.vary(none, amount=1.0, seed=2).layers] == [0.0] * 3
+    assert [layer.ambient for layer in ts.motif.vary(none, amount=0.5, seed=2).layers] == [0.0] * 3
+
+
+def test_far_relatives_are_of_other_styles_and_rules():
+    recipe = ts.motif.random_recipe(48, seed=1, palette="sea")
+    near, far = (
+        [ts.motif.vary(recipe, amount=amount, seed=seed) for seed in range(12)] for amount in (0.5, 1.0)
+    )
+    assert {(one.repeat, one.layers[0].style) for one in near} == {("none", "vein")}
+    assert min(len({one.repeat for one in far}), len({one.layers[0].style for one in far})) > 4
+    assert {one.layers[2].ink for one in far} == {recipe.layers[2].ink}
 
 
 def test_named_palettes_and_those_of_pictures():

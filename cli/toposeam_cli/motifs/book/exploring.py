@@ -38,7 +38,8 @@ def explore_page(
         made = ts.generate_motif(recipe)
         picture = to_depth(_swatch(made), np.dtype(np.uint8))
         data = base64.b64encode(to_vips(picture).pngsave_buffer(compression=9)).decode("ascii")
-        words = f"{recipe.repeat}, seed {recipe.seed}, {counted(len(recipe.layers), 'ink')}"
+        style = " and ".join(dict.fromkeys(layer.style for layer in recipe.layers))
+        words = f"{style}, {recipe.repeat}, seed {recipe.seed}, {counted(len(recipe.layers), 'ink')}"
         cards.append(
             f'<button class="card" aria-pressed="false" data-number="{number}"><img alt="motif {number}" '
             f'src="data:image/png;base64,{data}"><span>{number} · {escape(words)}</span></button>'

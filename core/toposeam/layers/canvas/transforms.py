@@ -131,7 +131,7 @@ class CameraTransform:
 
     def to_picture(self, points: Floats) -> Floats:
         """Map (..., 2) points of the canvas; `NOWHERE` where the picture does not show them."""
-        rays = self._rays(points / self.radius) @ self.rotation
+        rays = self.rays_at(points) @ self.rotation
         shown = rays[..., 2:] > 1e-3
         ideal = np.where(shown, rays[..., :2] / np.where(shown, rays[..., 2:], 1.0), 0.0) * self.focal
         at = distorted(ideal, self.size, self.lens, self.shift)
@@ -156,9 +156,9 @@ class CameraTransform:
         down = (y / flat) / np.cos(half) ** 2
         return np.asarray(self.radius * np.stack([2 * np.tan(half), down], axis=-1))
 
-    def _rays(self, points: Floats) -> Floats:
-        """Map (..., 2) points of the canvas, in radii, to rays."""
-        across, down = points[..., 0], points[..., 1]
+    def rays_at(self, points: Floats) -> Floats:
+        """Map (..., 2) points of the canvas to rays of its frame."""
+        across, down = points[..., 0] / self.radius, points[..., 1] / self.radius
         if self.projection == "flat":
             rays = np.stack([across, down, np.ones_like(across)], axis=-1)
         elif self.projection == "sphere":

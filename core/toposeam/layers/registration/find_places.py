@@ -90,6 +90,7 @@ def find_places(
     level: bool = True,
     centre: int | None = None,
     fov: float | None = None,
+    horizon: tuple[int, npt.ArrayLike] | None = None,
     points: Mapping[Pair, npt.ArrayLike] | None = None,
     least_correlation: float = LEAST_CORRELATION,
     progress: Callable[[float], None] | None = None,
@@ -121,6 +122,9 @@ def find_places(
         The picture that lies in the middle of the canvas, where a camera turned.
     fov : float in (0, 360], optional
         Largest field of view of the canvas, degrees across, for a camera; pictures beyond are left out.
+    horizon : (int, (2, 2) array_like), optional
+        A picture, and two points of it, x and y, px from the middle of its upper left pixel. The canvas is
+        turned until the line between them is level, or upright if it is nearer to that.
     points : mapping from (int, int) to (M, 4) array_like, optional
         Points that two pictures share, at least four, in place of the features found in them: x and y in the
         one, px from the middle of its upper left pixel, and in the other.
@@ -159,6 +163,7 @@ def find_places(
         level=level,
         centre=centre,
         fov=fov,
+        horizon=horizon,
         points={} if points is None else points,
         least_correlation=least_correlation,
     )
@@ -180,6 +185,7 @@ class PlaceOptions:
     level: bool = True
     centre: int | None = None
     fov: float | None = None
+    horizon: tuple[int, npt.ArrayLike] | None = None
     points: Mapping[Pair, npt.ArrayLike] = field(default_factory=dict)
     least_correlation: float = LEAST_CORRELATION
 
@@ -213,6 +219,10 @@ class PlaceOptions:
             )
         if self.centre is not None:
             check_whole("centre", self.centre, 0, count - 1)
+        if self.horizon is not None:
+            from toposeam.layers.canvas.levelling import as_horizon  # only where it is asked for
+
+            as_horizon(self.horizon, count)
 
 
 #: Lays pictures on the canvas by their transforms.
@@ -272,6 +282,19 @@ def found_places(
         from toposeam.layers.registration.quarter_turns import as_in_files
 
         placement = as_in_files(placement, quarters, matcher.names)
+    if options.horizon is not None:
+        from toposeam.layers.canvas.levelling import as_horizon
+
+        number, line = as_horizon(options.horizon, len(pictures))
+        if number not in placement.numbers:
+            raise OverlapError(
+                "{picture} has the horizon, but {why}; take two points of another picture",
+                kind="horizon",
+                layers=(number,),
+                picture=matcher.names[number],
+                why=placement.left_out[number],
+            )
+        placement = placement.levelled(placement.numbers.index(number), line)
     layers = place([pictures[number] for number in numbers], placement.transforms)
     report(1.0)
     doubts = (*placement.doubts, *large_canvas(layers, areas))

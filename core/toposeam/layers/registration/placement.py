@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal, TypeAlias, get_args
 
@@ -127,6 +127,20 @@ class Placement:
         """The pairs whose residuals are visible, the worst first."""
         worst = sorted(self.residuals.items(), key=lambda item: -item[1].farthest)
         return [(pair, residual) for pair, residual in worst if residual.farthest > VISIBLE_PX]
+
+    def levelled(self, picture: int, line: Floats) -> Placement:
+        """Return the placement turned so that a (2, 2) line of a placed picture lies level or upright
+        (:func:`toposeam.layers.canvas.levelling.levelled`); its layers are not warped anew.
+        """
+        from toposeam.layers.canvas.levelling import levelled  # only where it is asked for
+
+        transforms = levelled(self.transforms, picture, line)
+        residuals = {}
+        for pair, residual in self.residuals.items():
+            at = self.transforms[pair[0]].to_picture(np.array([residual.near]))
+            x, y = transforms[pair[0]].to_canvas(at)[0]
+            residuals[pair] = replace(residual, near=(float(x), float(y)))
+        return replace(self, transforms=transforms, residuals=residuals)
 
     @cached_property
     def places(self) -> Floats:

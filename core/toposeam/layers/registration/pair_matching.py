@@ -72,8 +72,9 @@ Kind: TypeAlias = Literal["similarity", "homography"]
 _Digests: TypeAlias = tuple[bytes, bytes]
 #: Width and height of a picture, px.
 _Size: TypeAlias = tuple[int, int]
-#: (K, 2) x and y of the features that each of two pictures shows in their overlap, px of the first.
-_Shown: TypeAlias = tuple[Floats, Floats]
+#: (K, 2) x and y of the features that each of two pictures shows in their overlap, px of the first, and of
+#: all of the second.
+_Shown: TypeAlias = tuple[Floats, Floats, Floats]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -305,7 +306,7 @@ def match_homography(a: FeatureSet, b: FeatureSet, shared: Indices) -> Match | N
     if not homography.verified:
         if not together_verified(first, find_planes(first, second, sizes, tolerance)):
             return None
-    elif not _agrees(first, second, sizes, shown, homography.matrix, homography.inliers):
+    elif not _agrees(a, b, shared, sizes, shown, homography.inliers):
         return None
     return _match_of(a, b, shared, homography, shown)
 
@@ -327,7 +328,7 @@ def _match_of(a: FeatureSet, b: FeatureSet, shared: Indices, homography: Homogra
         math.nan,
         matrix=homography.matrix,
         features=int(inliers.sum()),
-        share=float(inliers.sum()) / max(min(map(len, shown)), 1),
+        share=float(inliers.sum()) / max(min(map(len, shown[:2])), 1),
         uncertainty=FEATURE_DEVIATION * float(max(a.scale, b.scale)),
     )
 
@@ -356,8 +357,8 @@ def _match_similarity(a: FeatureSet, b: FeatureSet, shared: Indices) -> Match | 
     if abs(np.degrees(model.rotation)) > LARGEST_TURN or abs(model.scale - 1) > LARGEST_SCALE:
         return None
     matrix = np.asarray(model.params, float)
-    both, sizes = (a.keypoints[shared[:, 0]], b.keypoints[shared[:, 1]]), (a.size, b.size)
-    if not _agrees(*both, sizes, _shown(a, b, sizes, matrix), matrix, inliers):
+    sizes = a.size, b.size
+    if not _agrees(a, b, shared, sizes, _shown(a, b, sizes, matrix), inliers):
         return None
     match = None
     for _ in range(2):  # patches laid about where they belong, and then exactly
@@ -373,13 +374,20 @@ def _match_similarity(a: FeatureSet, b: FeatureSet, shared: Indices) -> Match | 
 
 
 def _shown(a: FeatureSet, b: FeatureSet, sizes: tuple[_Size, _Size], matrix: Floats) -> _Shown:
-    """Return the features of each picture in the overlap, px of `a`, where a matrix takes points of `b`."""
+    """Return the features of each picture in the overlap, and all of `b`, px of `a`, to which a matrix takes
+    points of `b`.
+    """
     there, back = applied(matrix, b.keypoints), np.asarray(np.linalg.inv(matrix), float)
-    return a.keypoints[within(applied(back, a.keypoints), sizes[1])], there[within(there, sizes[0])]
+    return a.keypoints[within(applied(back, a.keypoints), sizes[1])], there[within(there, sizes[0])], there
 
 
 def _agrees(
-    first: Floats, second: Floats, sizes: tuple[_Size, _Size], shown: _Shown, matrix: Floats, inliers: Mask
+    a: FeatureSet,
+    b: FeatureSet,
+    shared: Indices,
+    sizes: tuple[_Size, _Size],
+    shown: _Shown,
+    inliers: Mask,
 ) -> bool:
     """Test whether two pictures agree all over their overlap, not only where features brought them together.
 
@@ -390,20 +398,20 @@ def _agrees(
 
     Parameters
     ----------
-    first, second : (M, 2) float arrays
-        x and y of the features that match, px.
+    a, b : FeatureSet
+    shared : (M, 2) int array
+        Numbers of the features that match.
     sizes : two of (int, int)
         Width and height of the pictures.
-    shown : two (K, 2) float arrays
-        All features of each in the overlap (:func:`_shown`).
-    matrix : (3, 3) float array
-        Takes points of the second picture to the first.
+    shown : three (K, 2) float arrays
+        Features of each in the overlap, and where all of `b` lie (:func:`_shown`).
     inliers : (M,) bool array
-        The matches that agree with it.
+        The matches that agree.
     """
-    apart = np.linalg.norm(applied(matrix, second) - first, axis=1)
+    first, second = a.keypoints[shared[:, 0]], b.keypoints[shared[:, 1]]
+    apart = np.linalg.norm(shown[2][shared[:, 1]] - first, axis=1)
     near = apart < 4 * ELSEWHERE * np.hypot(*sizes[0])
-    busy = np.max([_counted(points, sizes[0]) for points in shown], axis=0) >= _LEAST_FEATURES
+    busy = np.max([_counted(points, sizes[0]) for points in shown[:2]], axis=0) >= _LEAST_FEATURES
     agreeing = busy & (_counted(first[near], sizes[0]) > 0)
     least_fixed, least = _LEAST_AGREEING
     if np.mean(_at_one_place(first[inliers], second[inliers], sizes)) <= 0.5:
@@ -543,7 +551,7 @@ def quarter_turns(
         Returns the (M, 2) numbers of the features that a pair shares.
     """
     group, turns = list(range(len(features))), [0] * len(features)
-    moves: dict[int, list[complex]] = {index: [] for index in group}  # from there to others
+    joined: list[tuple[int, int, int]] = []  # pairs, and the turn of the second against the first
     for i, j in pairs:
         if len(shared((i, j))) < LEAST_INLIERS:
             break
@@ -552,7 +560,7 @@ def quarter_turns(
         turn = _turn_between(features[i], features[j], shared((i, j)))
         if turn is None:
             continue
-        moves[i].append(_move_between(features[i], features[j], shared((i, j)), turn))
+        joined.append((i, j, turn))
         # The whole group of j turns with it.
         extra, old = turns[i] + turn - turns[j], group[j]
         for k in (k for k, own in enumerate(group) if own == old):
@@ -564,8 +572,12 @@ def quarter_turns(
         upright = np.flatnonzero(counts == counts.max()).tolist()
         if len(upright) > 1:
             light = sum(features[k].light * _turned(turns[k]) for k in members)
-            panned = np.array([move * _turned(turns[k]) for k in members for move in moves[k]])
-            upright.sort(key=partial(_looks_upright, light, panned), reverse=True)
+            moves = [
+                _move_between(features[i], features[j], shared((i, j)), turn) * _turned(turns[i])
+                for i, j, turn in joined
+                if i in members
+            ]
+            upright.sort(key=partial(_looks_upright, light, np.array(moves)), reverse=True)
         for k in members:
             result[k] = (turns[k] - upright[0]) % 4
     return result

@@ -324,6 +324,18 @@ def test_a_plane_where_it_is_asked_for(views, toposeam, scene):
         "a Hugin project is of pictures that one camera took from one place"
     )
     assert not Path("third.png").exists()
+    toposeam("stitch", *words, "--save-layout", "plane.pto", "-o", "third.png").fails(
+        "a Hugin project is of pictures that one camera took from one place"
+    )
+    assert not Path("third.png").exists()
+
+
+@pytest.mark.medium
+def test_a_layout_that_is_impossible_costs_no_picture(views, toposeam):
+    ran = joined(toposeam, *CROPS, "--save-layout", "crops.pto", "-o", "out.png")
+    assert "crops.pto was not written: a Hugin project is of pictures that one camera took" in ran.err
+    assert Path("out.png").exists()
+    assert not Path("crops.pto").exists()
 
 
 @pytest.mark.medium

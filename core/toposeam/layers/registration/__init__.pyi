@@ -7,11 +7,12 @@ from .find_places import PlaceOptions, Places, among, found_places
 from .homography import applied
 from .pair_matching import Match
 from .perspective import View, camera_transforms, plane_transforms
-from .placement import MODELS, Placement, Residual
+from .placement import MODELS, VISIBLE_PX, Placement, Residual, large_canvas
 from .planes import find_planes, together_verified
 
 __all__ = [
     "MODELS",
+    "VISIBLE_PX",
     "Aligned",
     "Match",
     "PlaceOptions",
@@ -30,6 +31,7 @@ __all__ = [
     "find_features",
     "find_planes",
     "found_places",
+    "large_canvas",
     "left_over",
     "plane_transforms",
     "together_verified",

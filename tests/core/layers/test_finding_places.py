@@ -10,9 +10,10 @@ from skimage import data, feature
 from threadpoolctl import threadpool_info, threadpool_limits
 
 import toposeam as ts
+from toposeam.layers.registration import describe_picture
 from toposeam.layers.registration import pair_matching as pairing
 from toposeam.layers.registration import pose_graph as adjustment
-from toposeam.layers.registration.features import FeatureSet, describe_picture, shared_features
+from toposeam.layers.registration.features import FeatureSet, shared_features
 from toposeam.layers.registration.refusals import check_joined
 
 WHOLE = data.camera()[120:220, 100:360]

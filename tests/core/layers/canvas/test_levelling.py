@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import toposeam as ts
-from toposeam.layers.canvas.levelling import levelled
-from toposeam.layers.canvas.transforms import (
+from toposeam.layers.canvas import (
     CameraTransform,
     MeshTransform,
     PlaneTransform,
+    levelled,
     similarity,
     turned_camera,
 )

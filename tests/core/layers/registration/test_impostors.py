@@ -11,11 +11,15 @@ from scipy import ndimage
 from skimage import data
 
 import toposeam as ts
-from toposeam.layers.registration import large_canvas
-from toposeam.layers.registration.features import describe_picture
-from toposeam.layers.registration.given_points import matches_of
-from toposeam.layers.registration.perspective import Lens, fit_models
-from toposeam.layers.registration.placement import moved_camera, weakly_held
+from toposeam.layers.registration import (
+    Lens,
+    describe_picture,
+    fit_models,
+    large_canvas,
+    matches_of,
+    moved_camera,
+    weakly_held,
+)
 
 SIZE, FOCAL = (260, 200), 320.0
 

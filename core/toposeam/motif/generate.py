@@ -15,6 +15,7 @@ from toposeam.checks import (
     check_choice,
     check_function,
     check_items,
+    check_kind,
     check_number,
     check_numbers,
     check_pair,
@@ -67,6 +68,10 @@ class RecipeKeywords(TypedDict, total=False):
     palette: str | Palette | npt.ArrayLike | None
     paper: str | None
     inking: str
+
+
+#: Most layers of a motif.
+_MOST_LAYERS = 1000
 
 
 def generate_motif(
@@ -247,8 +252,9 @@ def random_recipe(
     ((24, 32), 4, 2)
     """
     shape = _shape(size)
+    check_kind("paper", paper, (str, type(None)), "a colour, like #20304a, or None")
     if layers is not None:
-        check_whole("layers", layers, 1)
+        layers = check_whole("layers", layers, 1, _MOST_LAYERS)
     seed = seed_of(seed)
     free = sources is None and sinks is None
     styles = styles_of(style, seed, layers, free and base is None)

@@ -84,6 +84,7 @@ def restyle(recipe: Recipe, style: str | Sequence[str] | None) -> Recipe:
     >>> [layer.style for layer in restyle(random_recipe(32, layers=2), "fern").layers]
     ['fern', 'fern']
     """
+    check_kind("recipe", recipe, Recipe, "a Recipe")
     colours = Palette(paper=np.array(recipe.paper), inks=np.array([layer.ink for layer in recipe.layers]))
     if style is None:
         style = styles_of(None, recipe.seed, len(recipe.layers), not recipe.base)

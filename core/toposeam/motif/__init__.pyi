@@ -12,7 +12,7 @@ from .recipe.styles import STYLES, Style
 from .symmetry.borders import border_visibility
 from .symmetry.kaleidoscope import kaleidoscope
 from .symmetry.rules import REPEATS
-from .vary import restyle, vary
+from .variation import restyle, vary
 
 __all__ = [
     "EDGES",

@@ -147,10 +147,15 @@ def unseen_inks(recipe: ts.motif.Recipe) -> str | None:
 def describe(made: ts.motif.Motif, counts: tuple[int, int]) -> str:
     """Return one line about a motif for people."""
     many = "" if counts == (1, 1) else f"{counts[1]} × {counts[0]} motifs, "
-    styles = " and ".join(dict.fromkeys(layer.style for layer in made.recipe.layers))
+    styles = style_words(made.recipe)
     return (
         f"{many}{styles}, {counted(len(made.inks), 'ink')}, repeats by {made.repeat}, seed {made.recipe.seed}"
     )
+
+
+def style_words(recipe: ts.motif.Recipe) -> str:
+    """Return the styles of a motif's layers, each once."""
+    return " and ".join(dict.fromkeys(layer.style for layer in recipe.layers))
 
 
 def per_mm(dpi: float | None) -> tuple[float, float] | None:

@@ -363,15 +363,7 @@ def _inks(choice: str | Palette | npt.ArrayLike | None, layers: int, rng: np.ran
     names = list(PALETTES)
     drawn = names[int(rng.integers(len(names)))]
     if isinstance(choice, Palette):
-        if len(choice.inks) < layers:
-            raise OptionError(
-                "the palette has {count} inks for {wanted} layers; use fewer layers or more inks",
-                kind="count",
-                parameter=Term("palette"),
-                value=choice,
-                count=len(choice.inks),
-                wanted=layers,
-            )
+        choice.check_layers(layers)
         return choice
     return palette(drawn if choice is None else choice, layers)
 

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.checks import check_kind, check_pair
-from toposeam.errors import OptionError, Term
+from toposeam.errors import OptionError
 from toposeam.motif.ink.mixing import mix
 from toposeam.motif.ink.palettes import Palette
 from toposeam.motif.ink.printing import MAX_PATTERN, Inked
@@ -90,15 +90,7 @@ class Motif(Inked):
         """
         check_kind("colours", colours, Palette, "a Palette")
         count = len(self.inks)
-        if len(colours.inks) < count:
-            raise OptionError(
-                "the palette has {count} inks for {wanted} layers; use fewer layers or more inks",
-                kind="count",
-                parameter=Term("palette"),
-                value=colours,
-                count=len(colours.inks),
-                wanted=count,
-            )
+        colours.check_layers(count)
         layers = [
             replace(layer, ink=tuple(ink))
             for layer, ink in zip(self.recipe.layers, colours.inks[:count], strict=True)

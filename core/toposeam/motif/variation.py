@@ -11,7 +11,7 @@ from toposeam.checks import Seed, check_kind, check_range, seed_of
 from toposeam.motif.generate import random_recipe
 from toposeam.motif.ink.palettes import Palette
 from toposeam.motif.recipe.recipe import LayerRecipe, Point, Recipe, unpack_base
-from toposeam.motif.recipe.styles import STYLES, draw_rule, styles_of
+from toposeam.motif.recipe.styles import STYLES, draw_rule
 
 #: Amount up to which a variation keeps style and rule; from there on either changes with a probability that
 #: reaches 1 at the amount 1.
@@ -86,8 +86,6 @@ def restyle(recipe: Recipe, style: str | Sequence[str] | None) -> Recipe:
     """
     check_kind("recipe", recipe, Recipe, "a Recipe")
     colours = Palette(paper=np.array(recipe.paper), inks=np.array([layer.ink for layer in recipe.layers]))
-    if style is None:
-        style = styles_of(None, recipe.seed, len(recipe.layers), not recipe.base)
     drawn = random_recipe(
         recipe.size,
         style=style,

@@ -212,7 +212,7 @@ def coarse_to_fine(seeds: int) -> Rows:
         seconds, compliance = {}, {}
         for name, one in (("coarse", recipe), ("full", replace(recipe, coarse=False))):
             started = time.process_time()
-            densities = [optimise_layer(layer, one)[0] for layer in one.layers]
+            densities = [optimise_layer(one.of_layer(index))[0] for index in range(len(one.layers))]
             seconds[name] = time.process_time() - started
             values = []
             for layer, density in zip(one.layers, densities, strict=True):

@@ -59,26 +59,26 @@ def font(size: int) -> ImageFont.FreeTypeFont:
 
 
 def sheet() -> None:
-    """Twelve patterns, one rule each."""
+    """Twelve patterns, each of another style and rule; the seeds are counted up."""
     shown = (
-        ("translate", "fall", 11),
-        ("p4m", "summer", 7),
-        ("rotate", "sea", 5),
-        ("p6m", "botanic", 3),
-        ("pgg", "plum", 4),
-        ("p4g", "saffron", 9),
-        ("p3", "winter", 6),
-        ("reflect", "terracotta", 2),
-        ("cmm", "indigo", 8),
-        ("p4", "spring", 15),
-        ("p31m", "night", 12),
-        ("p2", "sumi", 10),
+        ("vein", "rotate", "sea"),
+        ("leaf", "p4m", "fall"),
+        ("fern", "translate", "botanic"),
+        ("daisy", "pgg", "plum"),
+        ("cutout", "p4g", "summer"),
+        ("batik", "p31m", "terracotta"),
+        ("seed", "p6m", "winter"),
+        ("rosette", "cmm", "saffron"),
+        ("key", "p3", "night"),
+        ("folk", "pmm", "spring"),
+        ("pebble", "p2", "indigo"),
+        ("thread", "drop", "sumi"),
     )
     side, gap, foot = 300, 16, 30
     canvas = Image.new("RGB", (4 * side + 3 * gap, 3 * (side + foot)), _PAPER)
     pen = ImageDraw.Draw(canvas)
-    for index, (rule, name, seed) in enumerate(shown):
-        motif = ts.generate_motif(128, seed=seed, repeat=rule, palette=name)
+    for index, (style, rule, name) in enumerate(shown):
+        motif = ts.generate_motif(192, style=style, seed=index + 1, repeat=rule, palette=name)
         height, width = motif.densities.shape[1:]
         size = (round(150 * height / width), 150)
         pattern = bytes_of(ts.repeat(motif, (2, 2), size=size))
@@ -89,7 +89,7 @@ def sheet() -> None:
         )
         x, y = (index % 4) * (side + gap), (index // 4) * (side + foot)
         canvas.paste(Image.fromarray(pattern), (x, y))
-        pen.text((x, y + side + 5), f"{rule}, {name}", font=font(14), fill=_GRAY)
+        pen.text((x, y + side + 5), f"{style}, {rule}", font=font(14), fill=_GRAY)
     save(canvas, "patterns-rules.jpg")
 
 

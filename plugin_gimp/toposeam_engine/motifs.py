@@ -29,11 +29,17 @@ def generated(job: EngineJob) -> ts.motif.Motif:
     """Compute the motif of a request."""
     options = job.options
     size = options.pop("size")
-    if not options["mass"]:
-        del options["mass"]  # then the seed decides, as for the palette
+    for name in ("mass", "layers", "penalty", "iterations"):
+        if not options.get(name):
+            options.pop(name, None)  # then seed and style decide, as for the palette
     for name, drawn in (("palette", "random"), ("edge", "auto")):
         if options.get(name) == drawn:
             del options[name]
+    for name in ("style", "repeat"):
+        if options.get(name, "random") == "random":
+            options[name] = None
+    if options.get("penalty") is not None:
+        options["penalty"] = max(options["penalty"], 1.0)
     if job.request.get("layer") is None:
         del options["base_strength"]
     else:

@@ -12,8 +12,6 @@ import toposeam as ts
 from toposeam.images import full_scale
 from toposeam.layers.canvas.largest_rectangle import largest_full
 
-#: Residual, px, above which a pair of layers is reported, as a step of 2 px in an edge is visible.
-_VISIBLE_PX = 2.0
 #: Options of :func:`toposeam.find_places`.
 _PLACE_OPTIONS = ("model", "projection", "level")
 
@@ -34,16 +32,15 @@ class PlacedLayers(NamedTuple):
         if found is None:
             return {"numbers": self.numbers}
         apart = {number for group in found.other_groups for number in group}
-        worst = sorted(found.residuals.items(), key=lambda item: -item[1].farthest)
         return {
             "numbers": self.numbers,
             "strangers": [number for number in found.left_out if number not in apart],
             "other_groups": [list(group) for group in found.other_groups],
             "misfits": [
                 {"between": [self.numbers[i], self.numbers[j]], "off": round(residual.farthest, 1)}
-                for (i, j), residual in worst
-                if residual.farthest > _VISIBLE_PX
+                for (i, j), residual in found.misfits
             ],
+            "doubts": list(found.doubts),
             "goes_round": found.wrap is not None,
         }
 

@@ -2,7 +2,6 @@
 
 import io
 import re
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +9,7 @@ from engine_requests import message_of, points_of, result_of
 from scipy import ndimage
 
 import toposeam as ts
+from toposeam.layers.registration import Residual
 from toposeam_cli.commands.stitch import stitch
 from toposeam_engine import serving
 from toposeam_engine.places import PlacedLayers
@@ -239,9 +239,27 @@ def test_layers_that_lie_anywhere_are_put_where_they_belong(request_folder):
 
 
 def test_strangers_are_those_that_no_group_takes():
-    found = SimpleNamespace(left_out={2: "", 4: "", 5: ""}, other_groups=((4, 5),), residuals={}, wrap=None)
+    residuals = {
+        pair: Residual(1.0, farthest, (0.0, 0.0), 20, 20)
+        for pair, farthest in {(0, 1): 2.5, (0, 2): 2.0, (1, 2): 7.25}.items()
+    }
+    found = ts.layers.Placement(
+        layers=(),
+        model="plane",
+        sizes=(),
+        transforms=(),
+        numbers=(0, 1, 3),
+        left_out={2: "", 4: "", 5: ""},
+        other_groups=((4, 5),),
+        correlations={},
+        residuals=residuals,
+        misfit=1.0,
+        doubts=("the canvas is large",),
+    )
     about = PlacedLayers([], [0, 1, 3], found).about
     assert (about["strangers"], about["other_groups"]) == ([2], [[4, 5]])
+    assert about["misfits"] == [{"between": [1, 3], "off": 7.2}, {"between": [0, 1], "off": 2.5}]
+    assert about["doubts"] == ["the canvas is large"]
 
 
 def test_a_patch_is_divided_anew_by_its_path(request_folder, pair):

@@ -323,6 +323,18 @@ def test_a_plane_where_it_is_asked_for(views, toposeam, scene):
         "a Hugin project is of pictures that one camera took from one place"
     )
     assert not Path("third.png").exists()
+    toposeam("stitch", *words, "--save-layout", "plane.pto", "-o", "third.png").fails(
+        "a Hugin project is of pictures that one camera took from one place"
+    )
+    assert not Path("third.png").exists()
+
+
+@pytest.mark.medium
+def test_a_layout_that_is_impossible_costs_no_picture(views, toposeam):
+    ran = joined(toposeam, *CROPS, "--save-layout", "crops.pto", "-o", "out.png")
+    assert "crops.pto was not written: a Hugin project is of pictures that one camera took" in ran.err
+    assert Path("out.png").exists()
+    assert not Path("crops.pto").exists()
 
 
 @pytest.mark.medium
@@ -377,6 +389,19 @@ def test_without_a_level_horizon_the_middle_is_upright(views, toposeam):
 
 
 @pytest.mark.medium
+def test_a_horizon_lies_level(views, toposeam):
+    line = np.array([[10.0, 30.0], [80.0, 48.0]])
+    words = "--horizon", "b.png=10,30,80,48"
+    joined(toposeam, *TWO, *words, "--save-layout", "out.toml", "-o", "out.png")
+    transforms, _ = layout_of("out.toml", SIZE)
+    across, down = np.diff(transforms["b.png"].to_canvas(line), axis=0)[0]
+    assert across > 60
+    assert abs(down) < 0.02
+    joined(toposeam, "two.toml", *words, "-o", "again.png")
+    assert Path("again.png").read_bytes() == Path("out.png").read_bytes()
+
+
+@pytest.mark.medium
 def test_focal_length_and_lens_are_kept_as_given(views, toposeam):
     mm = round(equivalent_mm(FOCAL, SIZE)) + 0.5
     given = told(toposeam, *TWO, "--model", "rotation", "--focal", mm, "--lens", "0", "-o", "out.png")
@@ -400,6 +425,8 @@ def test_focal_length_and_lens_are_kept_as_given(views, toposeam):
         (("--model", "plane", "--no-level"), "--no-level is for a camera that turns"),
         (("--centre", "2"), "--centre 2 is none of the pictures; give a number from 0 to 1, or a name, like"),
         (("--centre", "c.png"), "--centre c.png is none of the pictures"),
+        (("--horizon", "c.png=1,2,3,4"), "'c.png' is no picture of this job"),
+        (("--horizon", "1=1,2,1,2"), "whose ends the canvas does not show apart"),
         (("--centre", "-1"), "--centre -1 is none of the pictures"),
         (("--exact", "--fov", "60"), "--fov is for a camera that turns, not for --exact"),
         (("--offset", "9,9", "--model", "plane"), "--model is for places that are found"),
@@ -422,6 +449,9 @@ def test_options_that_contradict_each_other(sole, words, phrase):
         ("--lens", "b"),
         ("--fov", "0"),
         ("--fov", "361"),
+        ("--horizon", "1=1,2,3"),
+        ("--horizon", "1=1,2,3,nan"),
+        ("--horizon", "1,2,3,4"),
         ("--as", "paintings"),
     ],
 )

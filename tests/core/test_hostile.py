@@ -145,7 +145,6 @@ ENDLESS = np.broadcast_to(np.float32(0.5), (10**6, 10**6))
         (lambda: ts.seam.draw_seams(ENDLESS, []), "more than are taken at once"),
         (lambda: ts.texture.flatten_light(ENDLESS), "more than are taken at once"),
         (lambda: ts.texture.natural_patch(ENDLESS), "more than are taken at once"),
-        (lambda: ts.loop(np.zeros((10_001, 2, 2), np.uint8)), "so that at most 10000 are left"),
         (lambda: ts.synthesize(ENDLESS, 32), "more than are taken at once"),
     ],
 )

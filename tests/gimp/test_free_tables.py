@@ -51,7 +51,8 @@ def test_the_tables_offer_what_core_has():
         assert sorted(choices(name, "blend")) == sorted(ts.layers.BLENDS)
     assert choices("panorama", "model") == ["auto", *MODELS]
     assert choices("panorama", "projection") == ["auto", *PROJECTIONS]
-    assert sorted(choices("motif", "repeat")) == sorted(ts.motif.REPEATS)
+    assert sorted(choices("motif", "repeat")) == sorted(["random", *ts.motif.REPEATS])
+    assert choices("motif", "style") == ["random", *ts.motif.STYLES]
     assert sorted(choices("motif", "palette")) == sorted(["random", *ts.motif.PALETTES])
     assert sorted(choices("motif", "edge")) == sorted(["auto", *EDGES])
     assert sorted(choices("repeat", "palette")) == sorted(["own", *ts.motif.PALETTES])

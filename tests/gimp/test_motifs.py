@@ -11,7 +11,7 @@ import toposeam as ts
 needs_gimp()
 
 MOTIF, REPEAT = "plug-in-toposeam-motif", "plug-in-toposeam-repeat"
-SMALL = {"size": 48, "iterations": 6}
+SMALL = {"style": "vein", "repeat": "translate", "penalty": 3.0, "size": 48, "iterations": 6}
 
 
 @pytest.fixture

@@ -400,18 +400,16 @@ PLACEMENT: tuple[Callable[[Any], Any], ...] = (
 )
 
 
-def surface_cost_option(default: ts.typing.Law) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Return the option of the match cost of surfaces in volumes and clips."""
-    return option(
-        "--cost",
-        "law",
-        heading="Seam",
-        type=click.Choice(ts.seam.LAWS),
-        default=default,
-        show_default=True,
-        help="What a surface avoids: what eyes notice (natural), differences of colour (colour), or "
-        "those away from edges (gradient).",
-    )
+surface_cost_option = option(
+    "--cost",
+    "law",
+    heading="Seam",
+    type=click.Choice(ts.seam.LAWS),
+    default="natural",
+    show_default=True,
+    help="What a surface avoids: what eyes notice (natural), differences of colour (colour), or "
+    "those away from edges (gradient).",
+)
 
 
 def placement(megapixels: float) -> Callable[[Callable[..., Any]], Callable[..., Any]]:

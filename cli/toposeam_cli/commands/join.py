@@ -12,6 +12,7 @@ import numpy as np
 
 import toposeam as ts
 from toposeam.motif.ink.printing import MAX_PATTERN
+from toposeam.motif.join import JOINABLE
 from toposeam_cli.app.command import Command, option
 from toposeam_cli.app.options import FILE, OUTPUT, FiniteRange, PairType, force_option, quiet_option
 from toposeam_cli.app.progress import say, share_bar
@@ -163,6 +164,13 @@ def join(
         output, laid, lambda: laid.coverage((height, width)), whole, ink, force, note={"join": settings}
     )
     if not quiet:
+        lost = sorted({read_recipe(path).repeat for path in files} - {recipes[0].repeat})
+        if lost:
+            say(
+                f"joined motifs lie side by side as they are, so they repeat by {recipes[0].repeat} here, "
+                f"not by {' or '.join(lost)}; motifs that share a rule like p2, pmm or p4m keep it",
+                err=True,
+            )
         steps, lines = joined.mismatch(), joined.visibility()
         say(
             f"{output}: {extent}, {len(joined.motifs)} motifs; across borders they step {steps:.2f} times as "
@@ -172,7 +180,7 @@ def join(
 
 def _alike(recipes: list[ts.motif.Recipe], files: tuple[Path, ...]) -> list[ts.motif.Recipe]:
     """Return recipes with the first one's values but their own sources, sinks, masses and strokes."""
-    first = recipes[0]
+    first, rule = recipes[0], _rule(recipes)
     found = []
     for recipe, path in zip(recipes, files, strict=True):
         if len(recipe.layers) != len(first.layers):
@@ -181,14 +189,16 @@ def _alike(recipes: list[ts.motif.Recipe], files: tuple[Path, ...]) -> list[ts.m
                 "motifs of equally many (--layers)"
             )
         layers = tuple(
-            dataclasses.replace(layer, ink=other.ink)
+            dataclasses.replace(
+                layer, ink=other.ink, iterations=other.iterations, filter_radius=other.filter_radius
+            )
             for layer, other in zip(recipe.layers, first.layers, strict=True)
         )
         found.append(
             dataclasses.replace(
                 recipe,
                 size=first.size,
-                repeat="translate",
+                repeat=rule,
                 paper=first.paper,
                 layers=layers,
                 iterations=first.iterations,
@@ -198,6 +208,12 @@ def _alike(recipes: list[ts.motif.Recipe], files: tuple[Path, ...]) -> list[ts.m
             )
         )
     return found
+
+
+def _rule(recipes: list[ts.motif.Recipe]) -> str:
+    """Return the rule by which joined motifs lie: their common one where cells stay as they are by it."""
+    rules = {recipe.repeat for recipe in recipes}
+    return rules.pop() if rules <= {recipes[0].repeat} & set(JOINABLE) else "translate"
 
 
 def _parse(grid: str) -> np.ndarray[Any, np.dtype[np.intp]]:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 
 import toposeam as ts
 from toposeam.sentence import counted
@@ -25,9 +26,13 @@ from toposeam_cli.app.progress import say, share_bar
 from toposeam_cli.files.writing import all_or_nothing, check_output, replacing
 from toposeam_cli.media.clips.clip import Clip, check_pixels
 from toposeam_cli.media.clips.cut import Cut, Duration
-from toposeam_cli.media.clips.reading import read_clip
-from toposeam_cli.media.clips.writing import check_clip_output, folder_for, write_clip
+from toposeam_cli.media.clips.reading import open_clip
+from toposeam_cli.media.clips.sound import looped_sound
+from toposeam_cli.media.clips.writing import ANIMATED, VIDEOS, check_clip_output, folder_for, write_clip
 from toposeam_cli.media.pictures.masks import read_white
+
+#: Most pixels of a clip that is read part by part, and of one that is loaded.
+_MOST_PIXELS, _MOST_LOADED = 100_000_000_000, 500_000_000
 
 
 class DurationType(click.ParamType):  # type: ignore[type-arg]
@@ -113,7 +118,7 @@ class DurationType(click.ParamType):  # type: ignore[type-arg]
 @option(
     "--seed", heading="Loop", type=int, default=0, show_default=True, help="Of --grow: decides the order."
 )
-@surface_cost_option("gradient")
+@surface_cost_option
 @option(
     "--mesh", heading="Output", type=OUTPUT, help="Also write the surface in x, y and time: .ply or .stl."
 )
@@ -121,9 +126,8 @@ class DurationType(click.ParamType):  # type: ignore[type-arg]
     "--max-megapixels",
     heading="Speed and memory",
     type=FiniteRange(min=0, min_open=True),
-    default=500.0,
-    show_default=True,
-    help="Refuse clips with more pixels in all their frames.",
+    help="Refuse clips with more pixels in all their frames; by default 100000 for videos, which are read "
+    "part by part, and 500 for what is loaded: other clips, and loops written as .gif, .webp or .png.",
 )
 @option(
     "--json", "as_json", heading="Output", is_flag=True, help="Print what was made, and the verdict, as JSON."
@@ -148,24 +152,34 @@ def loop(clip: Path, output: Path, **given: Any) -> None:
     check_clip_output(output, force)
     if given["mesh"] is not None:
         check_output(given["mesh"], force, (".ply", ".stl"))
-    max_pixels = round(given["max_megapixels"] * 1e6)
+    asked = None if given["max_megapixels"] is None else round(given["max_megapixels"] * 1e6)
+    max_pixels, max_loaded = asked or _MOST_PIXELS, asked or _MOST_LOADED
     rate = None if given["fps"] is None else Fraction(given["fps"]).limit_denominator(1001)
     cut = Cut(first=given["first"], last=given["last"], scale=given["scale"])
-    read = read_clip(clip, rate, max_pixels, cut)
+    read = open_clip(clip, rate, max_pixels, max_loaded, cut)
     options = _options(read, given)
     if "grow" in options:
-        check_pixels("the grown clip", options["grow"], read.frames.shape[1:], max_pixels)
+        check_pixels("the grown clip", options["grow"], read.frames.shape[1:], max_loaded)
     if given["still"] is not None:
         options["still"] = read_white(given["still"], read.frames.shape[1:3], clip.name, max_pixels)
     with share_bar(f"looping {clip.name}", quiet) as progress:
         made = ts.loop(read.frames, progress=progress, **options)
+    if output.suffix.lower() in ANIMATED:
+        check_pixels(f"the loop for {output}", len(made), read.frames.shape[1:], max_loaded)
+    heard = None
+    if read.sound and output.suffix.lower() in VIDEOS:
+        places = [(jump.leaves, jump.enters) for jump in made.jumps]
+        heard = looped_sound(clip, read.begin, read.rate, places, made.transition)
     with folder_for(output), all_or_nothing():
-        write_clip(output, Clip(frames=made.frames, rate=read.rate), force)
+        write_clip(output, Clip(frames=made, rate=read.rate, heard=heard), force)
         if given["mesh"] is not None:
             with replacing(given["mesh"], force) as temporary:
-                _write_mesh(made.surfaces[0].mesh(), temporary, given["mesh"].suffix.lower())
-    if read.sound and not quiet:
+                _write_mesh(made, temporary, given["mesh"].suffix.lower())
+    if read.sound and heard is None and not quiet:
         say(f"{clip} has sound, which is left out", err=True)
+    if made.shot != (0, len(read.frames)) and not quiet:
+        first, last = made.shot
+        say(f"{clip} has cuts; the loop stays in the shot of frames {first} to {last - 1}", err=True)
     if made.verdict.moved is not None and not quiet:
         right, down = made.verdict.moved
         say(
@@ -211,5 +225,11 @@ def _options(clip: Clip, given: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _write_mesh(mesh: ts.volume.Mesh, path: Path, suffix: str) -> None:
+def _write_mesh(made: ts.volume.Loop, path: Path, suffix: str) -> None:
+    mesh = made.surfaces[0].mesh()
+    if made.side > 1:  # squares of pixels become pixels
+        middle = np.array([0, (made.side - 1) / 2, (made.side - 1) / 2], np.float32)
+        mesh = ts.volume.Mesh(
+            mesh.vertices * np.array([1, made.side, made.side], np.float32) + middle, mesh.faces
+        )
     (mesh.to_ply if suffix == ".ply" else mesh.to_stl)(path)

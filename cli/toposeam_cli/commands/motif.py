@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 
 import toposeam as ts
+from toposeam.colours import parse_colour
 from toposeam.motif.ink.palettes import Palette
 from toposeam_cli.app.command import Command, option
 from toposeam_cli.app.options import OUTPUT, PairType, force_option, quiet_option
 from toposeam_cli.app.progress import say, share_bar
-from toposeam_cli.files.writing import atomic_write, check_output, replacing
+from toposeam_cli.files.writing import all_or_nothing, atomic_write, check_output, replacing
 from toposeam_cli.motifs.options import Beginning, Wanted, beginning_options, recipe_options
 from toposeam_cli.motifs.print_options import (
     PrintOptions,
@@ -23,7 +26,15 @@ from toposeam_cli.motifs.print_options import (
     renamed,
     write_print,
 )
-from toposeam_cli.motifs.printing import SUFFIXES, Print, describe, ink_names, sheet_coverage, unseen_inks
+from toposeam_cli.motifs.printing import (
+    DRAWINGS,
+    SUFFIXES,
+    Print,
+    describe,
+    ink_names,
+    sheet_coverage,
+    unseen_inks,
+)
 from toposeam_cli.motifs.recipe_files import (
     read_recipe,
     read_settings,
@@ -45,8 +56,10 @@ _OF_RECIPE = (
     "base",
     "base_strength",
     "base_law",
+    "inking",
+    "paper",
 )
-_OF_LAYERS = ("mass", "penalty", "ambient")
+_OF_LAYERS = ("mass", "penalty", "ambient", "avoid")
 #: Extensions of the pages of ``--explore``.
 _PAGES = (".html", ".htm")
 
@@ -55,6 +68,7 @@ _PAGES = (".html", ".htm")
     cls=Command,
     everyday=[
         "output",
+        "style",
         "repeat",
         "layers",
         "palette",
@@ -67,7 +81,7 @@ _PAGES = (".html", ".htm")
         "force",
     ],
 )
-@option("-o", "--output", heading="Output", type=OUTPUT, help="The motif: .png, .tif or .svg.")
+@option("-o", "--output", heading="Output", type=OUTPUT, help="The motif: .png, .tif, .svg or .pdf.")
 @recipe_options
 @option(
     "--edge",
@@ -103,7 +117,13 @@ _PAGES = (".html", ".htm")
     type=click.IntRange(8, 512),
     help="Let heat take its ways in a block of this many elements' height, and write the mesh: .stl or .ply.",
 )
+@option(
+    "--colourways",
+    heading="Output",
+    help="Also write it in these palettes, from the same densities: spring,sea makes NAME-spring.png …",
+)
 @option("--palettes", heading="Output", is_flag=True, help="Print the palettes that have a name.")
+@option("--styles", heading="Output", is_flag=True, help="Print the styles, and what they look like.")
 @option(
     "--show-recipe",
     heading="Output",
@@ -123,7 +143,9 @@ def motif(
     edge: str | None,
     explore: tuple[int, int] | None,
     depth: int | None,
+    colourways: str | None,
     palettes: bool,
+    styles: bool,
     show_recipe: bool,
     force: bool,
     quiet: bool,
@@ -131,19 +153,19 @@ def motif(
     """Invent a motif by leading heat from sources to sinks, one layer of ink at a time.
 
     \b
-    toposeam motif -o motif.png --repeat p4m --palette fall --seed 7
+    toposeam motif -o motif.png --seed 7
+    toposeam motif -o motif.png --style fern --repeat p4m --palette fall
     toposeam motif -o sheet.svg --sheet 4x4 --motif-width 60mm --base logo.png
     toposeam motif -o sister.png --like motif.png --vary 0.3 --seed 2
     toposeam motif -o relatives.html --like motif.png --explore 5x4
     toposeam motif -o seventh.png --from relatives.html --number 7
     toposeam motif -o vase.stl --depth 64 --repeat p4m --motif-width 80mm
     """  # noqa: D301 - click wants the character
-    if palettes:
-        for name, colours in ts.motif.PALETTES.items():
-            say(f"{name:<11} {' '.join(colours)}")
+    if palettes or styles:
+        _list(palettes, styles)
         return
     if output is None and not show_recipe:
-        raise click.UsageError("say where the motif goes: -o motif.png, .tif or .svg")
+        raise click.UsageError("say where the motif goes: -o motif.png, .tif, .svg or .pdf")
     if output is not None:
         check_output(output, force, (".html",) if explore else (".stl", ".ply") if depth else SUFFIXES)
     if depth is not None:
@@ -164,21 +186,70 @@ def motif(
         say(to_toml(recipe), lines=True, nl=False)
     if output is None:
         return
-    drawn = output.suffix.lower() == ".svg"
+    drawn = output.suffix.lower() in DRAWINGS
     paper.check(recipe, drawn)
     if pixels is not None and (ink.width_mm is not None or drawn):
         raise ts.OptionError(
-            "--pixels sets the size of a .png or .tif; leave it out with --motif-width and for .svg"
+            "--pixels sets the size of a .png or .tif; leave it out with --motif-width and for .svg and .pdf"
         )
-    check_print(output, ink_names(recipe), ink, force)
+    others = _colourways(colourways, output, len(recipe.layers))
+    for path in (output, *others):
+        check_output(path, force, SUFFIXES)
+        check_print(path, ink_names(recipe), ink, force)
     with share_bar(f"inventing {output.name}", quiet) as bar:
         made = ts.generate_motif(recipe, progress=bar)
-    extent = write_print(output, made, lambda: sheet_coverage(made, paper), paper, ink, force)
+    extent = _write(output, made, paper, ink, others, wanted.paper is not None, force)
     if not quiet:
         unseen = unseen_inks(recipe)
         if unseen is not None:
             say(unseen, err=True)
         say(f"{output}: {extent}, {describe(made, paper.counts)}", err=show_recipe)
+
+
+def _list(palettes: bool, styles: bool) -> None:
+    """Print the palettes, and the styles."""
+    rows = [(name, " ".join(colours)) for name, colours in ts.motif.PALETTES.items()] if palettes else []
+    rows += [(name, style.look) for name, style in ts.motif.STYLES.items()] if styles else []
+    for name, words in rows:
+        say(f"{name:<11} {words}")
+
+
+def _write(
+    output: Path,
+    made: ts.motif.Motif,
+    paper: Print,
+    ink: PrintOptions,
+    others: Mapping[Path, Palette],
+    keeps_paper: bool,
+    force: bool,
+) -> str:
+    """Write a motif and its colourways, all or none; return a line about its size."""
+    layers: list[np.ndarray] = []
+
+    def coverage() -> np.ndarray:
+        if not layers:
+            layers.append(sheet_coverage(made, paper))
+        return layers[0]
+
+    with all_or_nothing():
+        extent = write_print(output, made, coverage, paper, ink, force)
+        for path, way in others.items():
+            colours = dataclasses.replace(way, paper=made.paper) if keeps_paper else way
+            write_print(path, made.recoloured(colours), coverage, paper, ink, force)
+    return extent
+
+
+def _colourways(text: str | None, output: Path, layers: int) -> dict[Path, Palette]:
+    """Return the files of a motif's colourways, and the palette of each."""
+    found: dict[Path, Palette] = {}
+    for word in [] if text is None else text.split(","):
+        colours = read_colours(word.strip())
+        chosen = colours if isinstance(colours, Palette) else ts.motif.palette(colours, layers)
+        if len(chosen.inks) < layers:
+            raise ts.OptionError(f"{word} has {len(chosen.inks)} inks for {layers} layers; name more colours")
+        name = "-".join(re.findall(r"[\w#]+", Path(word.strip()).stem)).replace("#", "")
+        found[output.with_name(f"{output.stem}-{name}{output.suffix}")] = chosen
+    return found
 
 
 def _solid(
@@ -195,7 +266,9 @@ def _solid(
         raise ts.OptionError("--depth makes a mesh; say where it goes with -o vase.stl, or .ply")
     begun = _begun(beginning)
     alone = begun[0] is None and not begun[2]
-    given = {"size": (depth, depth)} | ({"repeat": "none", "layers": 1} if alone else {}) | given
+    given = (
+        {"size": (depth, depth)} | ({"repeat": "none", "layers": 1, "style": "vein"} if alone else {}) | given
+    )
     recipe, _ = _recipe(given, beginning.amount, begun)
     recipe = dataclasses.replace(recipe, layers=recipe.layers[:1])
     with share_bar(f"inventing {output.name}", quiet) as bar:
@@ -287,7 +360,7 @@ def _recipe(
         raise ts.OptionError(
             "--vary needs a motif to begin with; name one with --from or --like, or a recipe with --config"
         )
-    given = {"repeat": "translate", **given}
+    given = {"repeat": None, "style": None, **given}
     width, height = given.pop("size", (256, 256))
     return ts.motif.random_recipe((height, width), **given), printed
 
@@ -328,8 +401,20 @@ def _checked(table: Mapping[str, Any], config: Path) -> dict[str, Any]:
 
 
 _NOT_IN_FILES = {
-    *("output", "config", "like", "amount", "sheet", "pixels", "palettes", "show_recipe", "force", "quiet"),
-    *("explore", "depth", "source", "number"),
+    *(
+        "output",
+        "config",
+        "like",
+        "amount",
+        "sheet",
+        "pixels",
+        "palettes",
+        "styles",
+        "show_recipe",
+        "force",
+        "quiet",
+    ),
+    *("explore", "depth", "source", "number", "colourways"),
     *("width_mm", "dpi", "levels", "transparent", "separations", "spot_names"),
 }
 
@@ -344,7 +429,7 @@ def _with_strengths(places: list[Any]) -> list[Any]:
 def _changed(recipe: ts.motif.Recipe, given: dict[str, Any], amount: float | None) -> ts.motif.Recipe:
     """Return a whole recipe with the given options changed, then varied."""
     seed = given.pop("seed", None)
-    palette = given.pop("palette", None)
+    palette, style = given.pop("palette", None), given.pop("style", None)
     wrong = [name for name in given if name not in (*_OF_RECIPE, *_OF_LAYERS)]
     if wrong:
         raise ts.OptionError(
@@ -357,7 +442,11 @@ def _changed(recipe: ts.motif.Recipe, given: dict[str, Any], amount: float | Non
             amount=1.0 if amount is None else amount,
             seed=recipe.seed + 1 if seed is None else seed,
         )
+    if style is not None:
+        recipe = ts.motif.restyle(recipe, style)
     layers = [dataclasses.asdict(layer) for layer in recipe.layers]
+    for name in {"iterations", "filter_radius"} & set(given):  # of all layers
+        layers = [{**layer, name: None} for layer in layers]
     for name in set(given) & set(_OF_LAYERS):
         value = given.pop(name)
         values = list(value) if isinstance(value, tuple | list) else [value] * len(layers)
@@ -376,6 +465,8 @@ def _changed(recipe: ts.motif.Recipe, given: dict[str, Any], amount: float | Non
         for layer, ink in zip(layers, colours.inks, strict=False):
             layer["ink"] = tuple(ink)
         given["paper"] = tuple(colours.paper)
+    if isinstance(given.get("paper"), str):
+        given["paper"] = parse_colour(given["paper"])
     if "size" in given:
         given["size"] = given["size"][::-1]
     if "base" in given:

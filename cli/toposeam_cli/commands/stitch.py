@@ -32,6 +32,7 @@ from toposeam_cli.stitching.positions import Where, position_options, width_roun
 from toposeam_cli.stitching.rendering import render, write
 from toposeam_cli.stitching.report import (
     documents_of,
+    doubts,
     hidden,
     is_read,
     line_of_job,
@@ -189,8 +190,9 @@ def _stitch(
         check_pairs(job.layers)
     documents, warnings = dict[Path, bytes](), list[str]()
     if layout is not None or out.save_layout is not None:
-        find, documents, warnings = _by_layout(layout, (job, unaligned), find, out.save_layout, kind)
-    warnings = [] if out.quiet else warnings + strangers(job, find.of_stitch("wrap"), means.workers)
+        find, documents, warnings = _by_layout(layout, (job, unaligned), find, out, kind)
+    if not out.quiet:
+        warnings += [*doubts(job), *strangers(job, find.of_stitch("wrap"), means.workers)]
     composed = join(job, find, out, files, means)
     if not out.quiet:
         warnings += hidden(composed, _remedy_for_hidden(find))
@@ -217,19 +219,26 @@ def _by_layout(
     layout: Layout | None,
     jobs: tuple[PlacedPictures, PlacedPictures],
     find: SeamOptions,
-    saved: Path | None,
+    out: Outputs,
     kind: str,
 ) -> tuple[SeamOptions, dict[Path, bytes], list[str]]:
     """Return the options with what a layout has painted, the files of the one to be saved, and what it
-    cannot hold; `jobs` are the pictures as they are joined, and before they were aligned.
+    cannot hold, or why it is not written; `jobs` are the pictures as they are joined, and before alignment.
     """
     from toposeam_cli.stitching.saved_layout import lost_in_project, painted, saved_layout
 
     painting = {} if layout is None else painted(layout, jobs[0], find)
     find = find.with_stitch(**painting)
+    saved = out.save_layout
     if saved is None:
         return find, {}, []
-    return find, saved_layout(*jobs, saved, kind, painting), lost_in_project(jobs[0], saved, painting)
+    try:
+        documents = saved_layout(*jobs, saved, kind, painting)
+    except ts.OptionError as error:
+        if jobs[0].placement is None:
+            raise
+        return find, {}, [f"{saved} was not written: {error}"]  # it never costs the picture
+    return find, documents, [] if out.quiet else lost_in_project(jobs[0], saved, painting)
 
 
 def _check_pictures(job: PlacedPictures, find: SeamOptions, out: Outputs) -> None:

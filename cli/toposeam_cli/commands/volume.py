@@ -62,7 +62,7 @@ class TripleType(click.ParamType):  # type: ignore[type-arg]
     "-o", "--output", type=OUTPUT, required=True, help="The joined stack: .ome.tif, .tif, .npy or .zarr."
 )
 @click.option("--spacing", type=TripleType(False), help="Size of a voxel in µm; the files' own by default.")
-@surface_cost_option("natural")
+@surface_cost_option
 @click.option("--labels", type=OUTPUT, help="Also write which stack shows where: 0 for A, 255 for B.")
 @click.option("--mesh", type=OUTPUT, help="Also write the surface, in µm: .ply or .stl.")
 @click.option(

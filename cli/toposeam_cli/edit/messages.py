@@ -64,13 +64,18 @@ def _stroke(message: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _line(message: dict[str, Any]) -> dict[str, Any]:
+def _points(message: dict[str, Any], least: int, most: int) -> list[list[float]]:
     points = message["points"]
-    if not isinstance(points, list) or not 0 < len(points) <= _MOST_POINTS:
+    if not isinstance(points, list) or not least <= len(points) <= most:
         raise MessageError("points")
     pairs = [[_number(value) for value in point] for point in points]
     if any(len(pair) != 2 for pair in pairs):
         raise MessageError("points")
+    return pairs
+
+
+def _line(message: dict[str, Any]) -> dict[str, Any]:
+    pairs = _points(message, 1, _MOST_POINTS)
     radius = _number(message["radius"])
     if radius <= 0:
         raise MessageError("radius")
@@ -113,6 +118,7 @@ def _nothing(message: dict[str, Any]) -> dict[str, Any]:
 _MEANINGS: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "stroke": _stroke,
     "erase": _line,
+    "horizon": lambda message: {"points": _points(message, 2, 2)},
     "undo": _nothing,
     "redo": _nothing,
     "refresh": _nothing,

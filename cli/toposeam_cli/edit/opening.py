@@ -95,8 +95,18 @@ class Opened:
                 atomic_write(each, document, force=True)
 
 
-def open_work(work: Work, progress: Callable[[float], None] | None = None) -> Opened:
+def open_work(
+    work: Work, progress: Callable[[float], None] | None = None, horizon: str | None = None
+) -> Opened:
     """Place the pictures of a work and find their seams.
+
+    Parameters
+    ----------
+    work : Work
+    progress : callable, optional
+        Called with the share of the placing done, in [0, 1].
+    horizon : str, optional
+        A line of a picture that is to lie level, as ``toposeam stitch --horizon`` takes it.
 
     Raises
     ------
@@ -104,7 +114,7 @@ def open_work(work: Work, progress: Callable[[float], None] | None = None) -> Op
         If they cannot be placed or joined.
     """
     source = work.source()
-    context = _stitching(source, work.settings)
+    context = _stitching(source, work.settings, horizon)
     with context:
         given, layout = dict(context.params), None
         if len(source) == 1 and source[0].suffix.lower() in LAYOUTS:
@@ -142,7 +152,7 @@ def open_work(work: Work, progress: Callable[[float], None] | None = None) -> Op
     )
 
 
-def _stitching(source: Sequence[Path], settings: Mapping[str, str]) -> click.Context:
+def _stitching(source: Sequence[Path], settings: Mapping[str, str], horizon: str | None) -> click.Context:
     """Return the context of ``toposeam stitch`` for some pictures."""
     command = load("stitch")
     given = source[0].suffix.lower() in (*LAYOUTS, ".ora")
@@ -152,6 +162,7 @@ def _stitching(source: Sequence[Path], settings: Mapping[str, str]) -> click.Con
         if not (given and name in PLACING)
         for word in _words_of(name, value)
     ]
+    words += [] if horizon is None else ["--horizon", horizon]
     return command.make_context("stitch", [*map(str, source), "-o", "joined.png", *words])
 
 

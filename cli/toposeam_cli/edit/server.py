@@ -35,7 +35,7 @@ PAGE = Path(__file__).parent / "page"
 #: so many messages.
 IDLE_S, _MOST_UNREAD = 1800.0, 400
 #: Messages to the process that solves.
-_FOR_SOLVER = ("stroke", "erase", "undo", "redo", "refresh", "take", "other", "blend", "settings")
+_FOR_SOLVER = ("stroke", "erase", "undo", "redo", "refresh", "take", "other", "blend", "settings", "horizon")
 
 
 class Mirror:

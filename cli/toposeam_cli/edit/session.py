@@ -21,9 +21,6 @@ from toposeam_cli.edit.things import strokes_of_thing
 from toposeam_cli.edit.work import Work
 from toposeam_cli.media.layouts.layout import LayoutStroke
 
-#: Radius of the stroke that sends a seam elsewhere, px of the preview.
-_OTHER_WAY_PX = 22.0
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Change:
@@ -50,15 +47,22 @@ class _State:
 class Session:
     """Placed pictures and the strokes on them."""
 
-    def __init__(self, work: Work, progress: Callable[[float], None] | None = None) -> None:
+    def __init__(
+        self, work: Work, progress: Callable[[float], None] | None = None, horizon: str | None = None
+    ) -> None:
         """Place the pictures of a work, find their seams, and repeat its strokes.
+
+        Parameters
+        ----------
+        work, progress, horizon
+            As of :func:`toposeam_cli.edit.opening.open_work`.
 
         Raises
         ------
         TopoSeamError
             If they cannot be placed or joined.
         """
-        self.work, self.opened = work, open_work(work, progress)
+        self.work, self.opened = work, open_work(work, progress, horizon)
         self.labels: Labels = np.array(self.opened.joined.label_map)
         self.gestures: list[list[ts.layers.Stroke]] = []
         self.places: list[SeamPlace] = []
@@ -147,12 +151,22 @@ class Session:
             self._keep(left)
         return changed
 
-    def settle(self) -> Change:
-        """Search the whole label map again after a gesture that was kept."""
-        self._held, lost = self._with_strokes(self._labelling, self._strokes())
-        self.labels = self._recut(self._held, whole=True)
+    def settle(self, interrupted: Callable[[], bool] = lambda: False) -> Change:
+        """Search the whole label map again after a gesture that was kept; only the window round it if
+        `interrupted`, which is asked between cuts, says that another gesture waits.
+        """
+
+        def ask(_: float) -> None:
+            if interrupted():
+                raise InterruptedError
+
+        self._held, lost = self._with_strokes(self._labelling, self.strokes)
+        try:
+            self.labels = self._recut(self._held, whole=True, progress=ask)
+        except InterruptedError:
+            self.labels = self._recut(self._held)
         self._write()
-        return self._change(self.labels, lost=len(self._strokes()) - 1 in lost)
+        return self._change(self.labels, lost=len(self.strokes) - 1 in lost)
 
     def undo(self) -> Change:
         """Take the last gesture back."""
@@ -166,12 +180,6 @@ class Session:
         """Return strokes that take all of what differs at a point from another picture, or none."""
         return strokes_of_thing(self._labelling, self.labels, (x, y), layer)
 
-    def other_way(self, x: float, y: float) -> list[dict[str, Any]]:
-        """Return a stroke that keeps seams away from a place, for :meth:`paint`."""
-        layer = int(self.labels[min(int(y), self.shape[0] - 1), min(int(x), self.shape[1] - 1)])
-        stroke = {"kind": "away", "layer": max(layer, 0), "radius": _OTHER_WAY_PX, "points": [[x, y]]}
-        return [stroke]
-
     def worst(self) -> list[SeamPlace]:
         """Return the worst places along the seams, and those that were and are no longer."""
         self.places = self._likeness.worst(self.places)
@@ -181,23 +189,9 @@ class Session:
         """Return the pixels of a box of the canvas as they are joined."""
         return self.opened.blended(self.labels, box)
 
-    def drawn(self) -> list[dict[str, Any]]:
-        """Return the strokes as they lie on the canvas, to be drawn."""
-        found = []
-        for stroke in self._strokes():
-            points, radius = on_canvas(stroke, self.opened.transforms[stroke.layer])
-            if len(points):
-                found.append(
-                    {
-                        "kind": stroke.kind,
-                        "layer": stroke.layer,
-                        "radius": round(radius, 1),
-                        "points": np.round(points, 1).tolist(),
-                    }
-                )
-        return found
-
-    def _strokes(self) -> list[ts.layers.Stroke]:
+    @property
+    def strokes(self) -> list[ts.layers.Stroke]:
+        """The strokes of all gestures, in their order."""
         return [stroke for gesture in self.gestures for stroke in gesture]
 
     def _stroke(self, stroke: Mapping[str, Any]) -> ts.layers.Stroke | None:
@@ -227,7 +221,7 @@ class Session:
             target.append(_State(self.gestures, zlib.compress(self.labels.tobytes(), 1)))
             self.gestures = state.gestures
             self.labels = _unpacked(state.labels, self.shape)
-            self._held, _ = self._with_strokes(self._labelling, self._strokes())
+            self._held, _ = self._with_strokes(self._labelling, self.strokes)
             self._save()
         return self._change(self.labels)
 
@@ -244,9 +238,15 @@ class Session:
         asked, lost = self._with_strokes(problem, strokes)
         return self._recut(asked), bool(lost)
 
-    def _recut(self, problem: ts.layers.Labelling, *, whole: bool = False) -> Labels:
+    def _recut(
+        self,
+        problem: ts.layers.Labelling,
+        *,
+        whole: bool = False,
+        progress: Callable[[float], None] | None = None,
+    ) -> Labels:
         shows = dataclasses.replace(self.opened.joined.solution, labels=self.labels)
-        return np.asarray(ts.layers.recut(problem, shows, whole=whole).labels)
+        return np.asarray(ts.layers.recut(problem, shows, whole=whole, progress=progress).labels)
 
     def _change(self, labels: Labels, *, lost: bool = False) -> Change:
         """Return how labels differ from those that the page shows, and take them as shown."""
@@ -272,7 +272,7 @@ class Session:
 
     def _write(self) -> None:
         """Write the layout of the work, which ``toposeam stitch`` joins at full size."""
-        strokes = [LayoutStroke(**_plain(stroke)) for stroke in self._strokes()]
+        strokes = [LayoutStroke(**_plain(stroke)) for stroke in self.strokes]
         self.opened.write(self.work.layout, strokes, self.labels)
 
     def _resume(self) -> None:
@@ -290,7 +290,7 @@ class Session:
         seen = self.opened.labels()
         if seen is not None:
             self.labels = seen
-        self._held, _ = self._with_strokes(self._labelling, self._strokes())
+        self._held, _ = self._with_strokes(self._labelling, self.strokes)
         self.labels = self._recut(self._held, whole=seen is None)
 
 

@@ -16,6 +16,7 @@ from toposeam.sentence import sentence
 from toposeam_cli.edit.opening import PLACING, check_count
 from toposeam_cli.edit.preview import encoded, jpeg, small_print
 from toposeam_cli.edit.session import Change, Session
+from toposeam_cli.edit.strokes import drawn, horizon_of, other_way
 from toposeam_cli.edit.work import Work
 from toposeam_cli.stitching.inputs import LAYOUTS
 
@@ -45,8 +46,9 @@ class _Solver:
 
     def _next(self) -> dict[str, Any]:
         """Return the next message; of a stroke that grows only the newest counts."""
-        while not self._waiting or self._connection.poll():
+        if not self._waiting:
             self._waiting.append(self._connection.recv())
+        self._receive()
         message = self._waiting.popleft()
         while message["kind"] == "stroke" and self._waiting:
             newer = self._waiting[0]
@@ -54,6 +56,12 @@ class _Solver:
                 break
             message = self._waiting.popleft()
         return message
+
+    def _receive(self) -> bool:
+        """Take in what has come; return whether a stroke waits."""
+        while self._connection.poll():
+            self._waiting.append(self._connection.recv())
+        return any(message["kind"] == "stroke" for message in self._waiting)
 
     def _say(self, kind: str, head: dict[str, Any], blocks: list[bytes] | None = None) -> None:
         self._connection.send((kind, head, blocks or []))
@@ -64,15 +72,17 @@ class _Solver:
         gc.collect()
         try:
             self._prints()
-            self._session = session = Session(
-                self._work, lambda share: self._say("placing", {"share": round(share, 3)})
-            )
-            pictures = [encoded(layer) for layer in session.layers]
-            self._say("scene", session.scene(), [session.first(), *pictures])
-            self._change(session.all())
-            self._rest(session)
+            self._show(Session(self._work, lambda share: self._say("placing", {"share": round(share, 3)})))
         except Exception as error:
             self._say("refused", {"text": sentence(error)})
+
+    def _show(self, session: Session) -> None:
+        """Show a session from its beginning."""
+        self._session = session
+        pictures = [encoded(layer) for layer in session.layers]
+        self._say("scene", session.scene(), [session.first(), *pictures])
+        self._change(session.all())
+        self._rest(session)
 
     def _prints(self) -> None:
         files = list(self._work.files)
@@ -108,6 +118,10 @@ class _Solver:
                 self._settle(session)
         elif kind in ("take", "other"):
             self._found(session, message)
+        elif kind == "horizon":
+            horizon = horizon_of(np.array(message["points"]), session.labels, session.opened.transforms)
+            if horizon is not None:
+                self._show(Session(self._work, horizon=horizon))
 
     def _stroke(self, session: Session, message: dict[str, Any]) -> None:
         stroke, own = message["stroke"], {"id": message["id"]}
@@ -126,7 +140,7 @@ class _Solver:
         if not (0 <= x < width and 0 <= y < height):
             return
         if message["kind"] == "other":
-            strokes = session.other_way(x, y)
+            strokes = other_way(x, y, session.labels)
         else:
             strokes = session.thing_at(x, y, message["layer"])
         if strokes and session.paint(strokes):
@@ -135,7 +149,7 @@ class _Solver:
             self._say("told", {"word": "nothing_differs"})
 
     def _settle(self, session: Session, own: dict[str, Any] | None = None) -> None:
-        self._change(session.settle(), {**(own or {}), "done": True})
+        self._change(session.settle(self._receive), {**(own or {}), "done": True})
         self._rest(session)
 
     def _choose(self, settings: dict[str, str]) -> None:
@@ -171,4 +185,4 @@ class _Solver:
             {"x": round(one.x, 1), "y": round(one.y, 1), "likeness": round(one.likeness, 3), "done": one.done}
             for one in session.worst()
         ]
-        self._say("rest", {"places": places, "strokes": session.drawn()})
+        self._say("rest", {"places": places, "strokes": drawn(session.strokes, session.opened.transforms)})

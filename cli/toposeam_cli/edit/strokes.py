@@ -11,11 +11,13 @@ import numpy as np
 import scipy
 
 import toposeam as ts
-from toposeam.arrays import Floats, Mask
+from toposeam.arrays import Floats, Labels, Mask
 from toposeam.layers.canvas.transforms import NOWHERE, Transform
 
 #: Points that are farther away than this were not seen by the picture, px.
 _FAR = abs(NOWHERE) / 10
+#: Radius of the stroke that sends a seam elsewhere, px of the preview.
+_OTHER_WAY_PX = 22.0
 #: A blob is covered by at most so many discs, of at least this radius, px.
 _MOST_DISCS, _LEAST_RADIUS = 60, 2.0
 
@@ -67,6 +69,35 @@ def on_canvas(stroke: ts.layers.Stroke, transform: Transform) -> tuple[Floats, f
     if not seen.any():
         return np.zeros((0, 2)), 0.0
     return at[seen] + 0.5, float(np.median(np.linalg.norm(aside[seen] - at[seen], axis=1)))
+
+
+def drawn(strokes: Sequence[ts.layers.Stroke], transforms: Sequence[Transform]) -> list[dict[str, Any]]:
+    """Return strokes as they lie on the canvas, for a page that draws them."""
+    found = []
+    for stroke in strokes:
+        points, radius = on_canvas(stroke, transforms[stroke.layer])
+        if len(points):
+            own = {"radius": round(radius, 1), "points": np.round(points, 1).tolist()}
+            found.append({"kind": stroke.kind, "layer": stroke.layer, **own})
+    return found
+
+
+def horizon_of(points: Floats, labels: Labels, transforms: Sequence[Transform]) -> str | None:
+    """Return a (2, 2) line of the canvas as ``--horizon`` takes it, on the picture that shows in its middle;
+    None where none does, or it does not see the ends.
+    """
+    (x, y), (height, width) = points.mean(axis=0), labels.shape
+    layer = int(labels[int(y), int(x)]) if 0 <= x < width and 0 <= y < height else -1
+    line = on_picture(points, 1.0, layer, transforms[layer]) if layer >= 0 else None
+    if line is None or len(line.points) < 2:
+        return None
+    return f"{layer}=" + ",".join(f"{value:.3f}" for value in (line.points - 0.5).ravel())
+
+
+def other_way(x: float, y: float, labels: Labels) -> list[dict[str, Any]]:
+    """Return a stroke that keeps seams away from a place of the canvas."""
+    layer = int(labels[min(int(y), labels.shape[0] - 1), min(int(x), labels.shape[1] - 1)])
+    return [{"kind": "away", "layer": max(layer, 0), "radius": _OTHER_WAY_PX, "points": [[x, y]]}]
 
 
 def discs_of(mask: Mask) -> list[tuple[float, float, float]]:

@@ -9,8 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import click
+from click.shell_completion import CompletionItem
 
+from toposeam.motif.ink.mixing import INKINGS
 from toposeam.motif.recipe.recipe import LAWS
+from toposeam.motif.recipe.styles import STYLES
 from toposeam_cli.app.command import option
 from toposeam_cli.app.options import FILE, FiniteRange, NumbersType, PairType, grouped
 from toposeam_cli.motifs.print_options import RepeatType
@@ -20,11 +23,14 @@ from toposeam_cli.motifs.print_options import RepeatType
 class Wanted:
     """Requested properties of a motif; those that are None depend on its seed, or stay unchanged."""
 
+    style: Any
     size: tuple[int, int] | None
     layers: int | None
     repeat: str | None
     seed: int | None
     palette: str | None
+    paper: str | None
+    inking: str | None
     base: Path | None
     base_strength: float | None
     base_law: str | None
@@ -38,6 +44,7 @@ class Wanted:
     distance: float | None
     ambient: float | None
     filter_radius: float | None
+    avoid: float | None
 
     def given(self) -> dict[str, Any]:
         """Return the requested properties."""
@@ -56,19 +63,51 @@ class Beginning:
     amount: float | None
 
 
+class StyleType(click.ParamType[Any]):
+    """A style of a motif, or one for each layer, separated by commas."""
+
+    name = "STYLE"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Parse the text, or a list from a file."""
+        words = value if isinstance(value, list | tuple) else str(value).split(",")
+        names = [str(word).strip() for word in words]
+        for name in names:
+            if name not in STYLES:
+                self.fail(f"{name!r} is no style; use one of {', '.join(STYLES)}", param, ctx)
+        return names[0] if len(names) == 1 else tuple(names)
+
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        """Return the styles that begin so."""
+        return [CompletionItem(name) for name in STYLES if name.startswith(incomplete)]
+
+
 _RECIPE: tuple[Callable[[Any], Any], ...] = (
+    option(
+        "--style",
+        heading="Motif",
+        type=StyleType(),
+        help="How it looks: one of --styles, or one per layer.  [default: from the seed]",
+    ),
     option(
         "--size",
         heading="Motif",
         type=PairType(),
         help="Elements of one motif: N, or WIDTHxHEIGHT.  [default: 256]",
     ),
-    option("--layers", heading="Motif", type=click.IntRange(1, 16), help="Number of inks.  [default: 3]"),
+    option(
+        "--layers",
+        heading="Motif",
+        type=click.IntRange(1, 16),
+        help="Number of inks.  [default: the style's]",
+    ),
     option(
         "--repeat",
         heading="Motif",
         type=RepeatType(),
-        help="The rule it repeats by; also 'drop 1/3', 'brick 1/4'.  [default: translate]",
+        help="The rule it repeats by; also 'drop 1/3', 'brick 1/4'.  [default: from the seed]",
     ),
     option(
         "--seed",
@@ -80,6 +119,14 @@ _RECIPE: tuple[Callable[[Any], Any], ...] = (
         "--palette",
         heading="Motif",
         help="A name, a picture, or colours: '#paper #ink #ink'.  [default: from the seed]",
+    ),
+    option("--paper", heading="Motif", help="Colour of the paper: #rrggbb.  [default: the palette's]"),
+    option(
+        "--ink",
+        "inking",
+        heading="Motif",
+        type=click.Choice(INKINGS),
+        help="Opaque inks cover what lies below and are seen on dark paper.  [default: transparent]",
     ),
     option(
         "--base", heading="Motif", type=FILE, help="A logo, symbol or photograph that shapes the strokes."
@@ -118,7 +165,7 @@ _RECIPE: tuple[Callable[[Any], Any], ...] = (
         "--iterations",
         heading="Heat and ink",
         type=click.IntRange(1, 10_000),
-        help="Strokes become more distinct with each.  [default: 40]",
+        help="Strokes become more distinct with each.  [default: the style's]",
     ),
     option(
         "--move",
@@ -155,7 +202,13 @@ _RECIPE: tuple[Callable[[Any], Any], ...] = (
         "filter_radius",
         heading="Heat and ink",
         type=FiniteRange(0, 10),
-        help="Radius of the filter, in hundredths of the cell.",
+        help="Radius of the filter, in hundredths of the cell.  [default: the style's]",
+    ),
+    option(
+        "--avoid",
+        heading="Heat and ink",
+        type=FiniteRange(0, 1),
+        help="How far each ink keeps out of those before it, 0 to 1.  [default: the style's]",
     ),
 )
 _BEGINNING: tuple[Callable[[Any], Any], ...] = (

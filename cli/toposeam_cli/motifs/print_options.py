@@ -13,6 +13,7 @@ import numpy as np
 
 import toposeam as ts
 from toposeam.motif.ink.mixing import mix
+from toposeam.motif.ink.pdf import draw_pdf
 from toposeam.motif.ink.printing import Inked
 from toposeam.motif.symmetry.kaleidoscope import GROUPS
 from toposeam.motif.symmetry.tiling import shift_of
@@ -20,8 +21,8 @@ from toposeam_cli.app.command import option
 from toposeam_cli.app.options import FiniteRange, PaperLengthType
 from toposeam_cli.files.writing import all_or_nothing, atomic_write, check_output
 from toposeam_cli.media.pictures.picture import write_picture
-from toposeam_cli.motifs.printing import Print, plate_path, printable, separation
-from toposeam_cli.motifs.recipe_files import read_recipe
+from toposeam_cli.motifs.printing import DRAWINGS, Print, plate_path, printable, separation
+from toposeam_cli.motifs.recipe_files import read_recipe, to_xmp
 
 
 class RepeatType(click.Choice[str]):
@@ -128,9 +129,10 @@ def print_options(command: Callable[..., Any]) -> Callable[..., Any]:
 def check_print(output: Path, names: tuple[str, ...], ink: PrintOptions, force: bool) -> None:
     """Refuse outputs that cannot be written, before any work."""
     if ink.separations:
-        if output.suffix.lower() == ".svg":
+        if output.suffix.lower() in DRAWINGS:
             raise ts.OptionError(
-                "an .svg has each ink as a layer of its own already; leave --separations out, or write a .tif"
+                f"a {output.suffix.lower()} has each ink as a layer of its own already; leave --separations "
+                "out, or write a .tif"
             )
         for number, name in enumerate(names, 1):
             check_output(plate_path(output, number, name), force)
@@ -161,10 +163,14 @@ def write_print(
         Entries of the file's settings besides its recipe.
     """
     settings = {**paper.note(), **(note or {}), **made.record}
-    if output.suffix.lower() == ".svg":
+    if output.suffix.lower() in DRAWINGS:
         options = ts.motif.SvgOptions(
             levels=paper.levels, width_mm=paper.width_mm, transparent=paper.transparent
         )
+        if output.suffix.lower() == ".pdf":
+            page = draw_pdf(made, paper.counts, options=options, metadata=to_xmp(settings))
+            atomic_write(output, page, force)
+            return f"{len(page) / 1e6:.1f} MB"
         document = ts.motif.draw_svg(
             made, paper.counts, options=options, note={**paper.note(), **(note or {})}
         )
@@ -172,7 +178,7 @@ def write_print(
         return f"{len(document) / 1e6:.1f} MB"
     layers = coverage()
     alpha = 1.0 - np.prod(1.0 - layers, axis=0, dtype=np.float32) if paper.transparent else None
-    image = mix(layers, made.inks, np.ones(3) if paper.transparent else made.paper)
+    image = mix(layers, made.inks, np.ones(3) if paper.transparent else made.paper, made.inking)
     with all_or_nothing():
         write_picture(output, printable(image, paper.resolution, settings, alpha), force)
         if ink.separations:

@@ -26,7 +26,9 @@ from toposeam_cli.motifs.recipe_files import to_xmp
 #: An ink that lowers every channel of the paper by less than this is invisible on it; channels are in [0, 1].
 _FAINT = 0.12
 #: Extensions of a motif's file.
-SUFFIXES = (".png", ".tif", ".tiff", ".svg")
+SUFFIXES = (".png", ".tif", ".tiff", ".svg", ".pdf")
+#: Extensions of drawings, which are made of curves.
+DRAWINGS = (".svg", ".pdf")
 #: Resolution of a motif whose width on paper is given, without --dpi.
 _DPI = 300.0
 
@@ -126,21 +128,34 @@ def unseen_inks(recipe: ts.motif.Recipe) -> str | None:
     """Return one sentence if inks are invisible on the paper, whose colour they multiply; None if all are
     visible.
     """
-    paper = np.array(recipe.paper)
-    taken = [float((paper * (1 - np.array(layer.ink))).max()) for layer in recipe.layers]
+    paper, opaque = np.array(recipe.paper), recipe.inking == "opaque"
+    taken = [
+        float((abs(paper - layer.ink) if opaque else paper * (1 - np.array(layer.ink))).max())
+        for layer in recipe.layers
+    ]
     names = [name for name, share in zip(ink_names(recipe), taken, strict=True) if share < _FAINT]
     if not names:
         return None
+    if opaque:
+        return f"{', '.join(names)} will hardly be seen on {to_hex(paper)}; take another paper or other inks"
     return (
         f"{', '.join(names)} will hardly be seen: inks are transparent and make the paper darker, and "
-        f"{to_hex(paper)} is as dark as they are; take a lighter paper, or darker inks"
+        f"{to_hex(paper)} is as dark as they are; take a lighter paper, darker inks, or --ink opaque"
     )
 
 
 def describe(made: ts.motif.Motif, counts: tuple[int, int]) -> str:
     """Return one line about a motif for people."""
     many = "" if counts == (1, 1) else f"{counts[1]} × {counts[0]} motifs, "
-    return f"{many}{counted(len(made.inks), 'ink')}, repeats by {made.repeat}, seed {made.recipe.seed}"
+    styles = style_words(made.recipe)
+    return (
+        f"{many}{styles}, {counted(len(made.inks), 'ink')}, repeats by {made.repeat}, seed {made.recipe.seed}"
+    )
+
+
+def style_words(recipe: ts.motif.Recipe) -> str:
+    """Return the styles of a motif's layers, each once."""
+    return " and ".join(dict.fromkeys(layer.style for layer in recipe.layers))
 
 
 def per_mm(dpi: float | None) -> tuple[float, float] | None:

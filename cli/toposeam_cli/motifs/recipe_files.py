@@ -54,7 +54,8 @@ def read_settings(path: Path, otherwise: str = "") -> dict[str, Any]:
     ImageError
         When the file cannot be read.
     """
-    settings = read_metadata(path) if path.suffix.lower() == ".svg" else _from_picture(path)
+    readers = {".svg": read_metadata, ".pdf": _from_pdf}
+    settings = readers.get(path.suffix.lower(), _from_picture)(path)
     if settings is None or "recipe" not in settings:
         raise OptionError(
             f"'{path}' holds no recipe; give a motif that toposeam wrote and no editor stripped{otherwise}"
@@ -81,6 +82,17 @@ def _from_picture(path: Path) -> dict[str, Any] | None:
         raise ImageError(
             f"'{path}' is not a picture that can be read; give a PNG, TIFF or SVG that toposeam wrote"
         ) from error
+    return _from_packet(packet, path)
+
+
+def _from_pdf(path: Path) -> dict[str, Any] | None:
+    check_input(path)
+    found = re.search(rb"<\?xpacket begin.*?<\?xpacket end[^>]*>", path.read_bytes(), re.DOTALL)
+    return _from_packet(found[0] if found else b"", path)
+
+
+def _from_packet(packet: bytes, path: Path) -> dict[str, Any] | None:
+    """Return the settings in an XMP packet."""
     if not packet:
         return None
     from defusedxml import DefusedXmlException

@@ -22,6 +22,7 @@ from toposeam.layers.canvas.transforms import (
     is_move,
     settled,
     similarity,
+    unbent,
 )
 from toposeam.layers.execution.tasks import Executor, results
 from toposeam.layers.registration.find_places import PlaceOptions, Places, among, found_places
@@ -42,6 +43,9 @@ if TYPE_CHECKING:
 Fits: TypeAlias = Callable[..., bool]
 #: Metadata of a photograph, by EXIF tag.
 _Notes: TypeAlias = Mapping[int, Any]
+#: The number or the name of a picture, and the ends of a line of it, px from the middle of its upper left
+#: pixel, which come to lie level, or upright if they are nearer to that.
+Horizon: TypeAlias = tuple[str, tuple[tuple[float, float], tuple[float, float]]]
 
 LAYOUTS = (".toml", ".json", ".pto")
 #: Largest number of pixels of all pictures together that are kept in memory; with more they are stored in
@@ -125,12 +129,13 @@ class PlacedPictures:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlaceFinding:
-    """The options of finding places that are not given."""
+    """The options of finding places that are not given, and how the canvas is turned."""
 
     #: All but the focal length; the number of the central picture counts the given ones.
     options: PlaceOptions = field(default_factory=PlaceOptions)
     #: Focal length, mm, as equivalent for film of 24 × 36 mm.
     focal_mm: float | None = None
+    horizon: Horizon | None = None
     #: The options of the command line that were given.
     named: tuple[str, ...] = ()
     #: Whether pictures that show something else are joined by themselves instead of left out.
@@ -309,7 +314,7 @@ def arrange(
     sources, wrap = _sources(files, where, reading, 1 if alone else 2)
     shown = sources
     sources, wrap, finding = _viewed(sources, wrap, finding)
-    reading.forget_boundary(sources is not shown)
+    reading.forget_boundary(sources is not shown or (finding is not None and finding.horizon is not None))
     pictures = match_pictures([source.picture for source in sources], keep)
     transforms = _given_places(sources, pictures, where, reading, len(files), alone=alone)
     notes = [noted(source.file) for source in sources]
@@ -332,7 +337,9 @@ def arrange(
     other_groups: tuple[tuple[Path, ...], ...] = ()
     if not transforms:
         finding = finding or PlaceFinding()
-        options = _finding_options(finding, sources, notes, reading.numbers)
+        options = replace(
+            _finding_options(finding, sources, notes, reading.numbers), horizon=_horizon(named, finding)
+        )
         try:
             placement = found_places(layers, options, progress, executor if kept else None, place)
         except ts.OverlapError as error:
@@ -346,11 +353,8 @@ def arrange(
         )
         sources = [sources[number] for number in placement.numbers]
         pictures = [pictures[number] for number in placement.numbers]
-    elif finding is not None and finding.named:
-        raise ts.OptionError(
-            f"{finding.named[0]} is for places that are found, and here they are given; leave it out"
-        )
     else:
+        transforms = _turned(named, transforms, wrap, finding)
         layers = list(place(layers, transforms, wrap))
     if len(layers) == 2 and not alone:
         _check_touching(*layers)
@@ -369,6 +373,52 @@ def arrange(
         wrap=wrap,
         boundary=place.boundary,
     )
+
+
+def _horizon(named: PlacedPictures, finding: PlaceFinding) -> tuple[int, Any] | None:
+    """Return the number of the picture that has the horizon, among those that were read, and the line.
+
+    Raises
+    ------
+    OptionError
+        If the picture is none of them.
+    """
+    if finding.horizon is None:
+        return None
+    picture, line = finding.horizon
+    number = named.number(picture)
+    if number is None:
+        raise ts.OptionError(
+            f"--horizon is a line of {picture}, which was left out; take a line of another picture"
+        )
+    return number, line
+
+
+def _turned(
+    named: PlacedPictures, transforms: Sequence[Transform], wrap: int | None, finding: PlaceFinding | None
+) -> list[Transform]:
+    """Turn given places until a line of a picture is level, if that is asked for.
+
+    Raises
+    ------
+    OptionError
+        If an option finds places, or if the canvas goes all the way round and its pictures have no cameras.
+    """
+    foreign = [name for name in (finding.named if finding is not None else ()) if name != "--horizon"]
+    if foreign:
+        raise ts.OptionError(
+            f"{foreign[0]} is for places that are found, and here they are given; leave it out"
+        )
+    horizon = None if finding is None else _horizon(named, finding)
+    if horizon is None:
+        return list(transforms)
+    from toposeam.layers.canvas.levelling import levelled  # only where it is asked for
+
+    if wrap is not None and not all(isinstance(unbent(one), CameraTransform) for one in transforms):
+        raise ts.OptionError(
+            "--horizon cannot turn pictures that were warped round a whole turn already; leave it out"
+        )
+    return list(levelled(transforms, horizon[0], np.array(horizon[1])))
 
 
 def _files_of(sources: Sequence[_Source]) -> dict[str, Any]:
@@ -417,7 +467,8 @@ def _viewed(
 ) -> tuple[list[_Source], int | None, PlaceFinding | None]:
     """Show what given cameras saw in the projection and field of view that are asked for."""
     cameras = [one.transform for one in sources if isinstance(one.transform, CameraTransform)]
-    if finding is None or set(finding.named) - {"--projection", "--fov"} or len(cameras) < len(sources):
+    known = {"--projection", "--fov", "--horizon"}
+    if finding is None or set(finding.named) - known or len(cameras) < len(sources):
         return sources, wrap, finding
     asked: dict[str, Any] = {"fov": finding.options.fov, "projection": finding.options.projection}
     asked = {key: value for key, value in asked.items() if value not in (None, "auto")}

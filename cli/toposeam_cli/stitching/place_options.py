@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,11 +20,28 @@ from toposeam.layers.registration.placement import MODELS
 from toposeam_cli.app.command import option
 from toposeam_cli.app.options import FILE, FiniteRange
 from toposeam_cli.files.tables import read_text
-from toposeam_cli.stitching.inputs import PlaceFinding, picture_number
+from toposeam_cli.stitching.inputs import Horizon, PlaceFinding, picture_number
 from toposeam_cli.stitching.outputs import Outputs
 from toposeam_cli.stitching.search_options import SeamOptions
 
 KINDS = ("photographs", "scans")
+
+
+def _horizon(context: click.Context, parameter: click.Parameter, text: str | None) -> Horizon | None:
+    """Parse ``PICTURE=X,Y,X,Y``: two points of a picture."""
+    if text is None:
+        return None
+    picture, _, points = text.rpartition("=")
+    try:
+        x, y, u, v = map(float, points.split(","))
+    except ValueError:
+        x = y = u = v = math.nan
+    if not picture or not all(abs(one) < 1e9 for one in (x, y, u, v)):
+        raise click.BadParameter(
+            f"{text!r} is no line of a picture; write its number or name, and two points of it, like "
+            "0=12,340,980,352"
+        )
+    return picture, ((x, y), (u, v))
 
 
 def finding_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -86,6 +104,14 @@ def finding_options(command: Callable[..., Any]) -> Callable[..., Any]:
             help="Show at most so many degrees across of what a camera saw; all by default.",
         ),
         option(
+            "--horizon",
+            heading="Finding places",
+            metavar="PICTURE=X,Y,X,Y",
+            callback=_horizon,
+            help="Two points of a picture (its number or name): the line between them comes to lie level, or "
+            "upright if it is nearer to that.",
+        ),
+        option(
             "--points",
             heading="Finding places",
             type=FILE,
@@ -126,6 +152,7 @@ class FindingOptions:
     level: bool
     centre: str | None
     fov: float | None
+    horizon: Horizon | None
     points: Path | None
     groups: bool
     kind: str | None
@@ -137,11 +164,17 @@ class FindingOptions:
 
     def without_names(self, files: Sequence[Path], members: Sequence[Path]) -> FindingOptions:
         """Return the options for a part of the files, without references to others."""
-        centre = None
-        if self.centre is not None:
-            named = files[_number(files, self.centre, "--centre")]
-            centre = str(members.index(named)) if named in members else None
-        return replace(self, centre=centre, points=None)
+
+        def among(name: str, said: str) -> str | None:
+            named = files[_number(files, name, said)]
+            return str(members.index(named)) if named in members else None
+
+        centre = None if self.centre is None else among(self.centre, "--centre")
+        horizon = self.horizon
+        if horizon is not None:
+            picture = among(horizon[0], "--horizon")
+            horizon = None if picture is None else (picture, horizon[1])
+        return replace(self, centre=centre, horizon=horizon, points=None)
 
     def of(self, files: Sequence[Path]) -> PlaceFinding:
         """Check the options and translate them for some files.
@@ -173,7 +206,7 @@ class FindingOptions:
             given.append("--exact")
         if self.model != "auto":
             given.append("--model")
-        given += [f"--{name}" for name in ("points", "groups") if getattr(self, name)]
+        given += [f"--{name}" for name in ("horizon", "points", "groups") if getattr(self, name)]
         centre = None if self.centre is None else _number(files, self.centre, f"--centre {self.centre}")
         options = PlaceOptions(
             model=self.model,
@@ -186,7 +219,11 @@ class FindingOptions:
             points={} if self.points is None else _read_points(self.points, files),
         )
         return PlaceFinding(
-            options=options, focal_mm=self.focal, named=tuple(given), takes_groups=self.groups
+            options=options,
+            focal_mm=self.focal,
+            horizon=self.horizon,
+            named=tuple(given),
+            takes_groups=self.groups,
         )
 
 

@@ -16,7 +16,7 @@ from click.core import ParameterSource
 import toposeam as ts
 from toposeam.layers.canvas.canvas import extent_of
 from toposeam.layers.execution.tasks import Executor
-from toposeam.layers.registration.placement import Residual
+from toposeam.layers.registration.placement import VISIBLE_PX, Residual, large_canvas
 from toposeam.sentence import counted, printable
 from toposeam_cli.media.pictures.lens import equivalent_mm
 from toposeam_cli.stitching.inputs import PlacedPictures
@@ -27,9 +27,8 @@ from toposeam_cli.stitching.search_options import correlations
 if TYPE_CHECKING:
     from toposeam_cli.media.layouts.layout import LayoutStroke
 
-#: Residual, px, above which a pair of pictures is reported, as a step of 2 px in an edge is visible; and the
-#: largest number of pairs that are named.
-_VISIBLE_PX, _MOST_NAMED = 2.0, 4
+#: The largest number of pairs that are named.
+_MOST_NAMED = 4
 #: Share of what pictures show below which a crop is told first.
 _LITTLE = 0.75
 
@@ -227,6 +226,14 @@ def _moved(layers: tuple[ts.Layer, ...], placement: ts.layers.Placement, index: 
     return f"{text})"
 
 
+def doubts(job: PlacedPictures) -> list[str]:
+    """Return what is doubtful about the places of pictures, in sentences."""
+    if job.placement is not None:
+        return list(job.placement.doubts)
+    pixels = sum(picture.pixels.shape[0] * picture.pixels.shape[1] for picture in job.pictures)
+    return large_canvas(job.layers, pixels)
+
+
 def misfits(job: PlacedPictures, at: tuple[int, int] | None) -> list[str]:
     """Describe the residuals between pictures at their common points, in sentences.
 
@@ -236,15 +243,15 @@ def misfits(job: PlacedPictures, at: tuple[int, int] | None) -> list[str]:
     if placement is None:
         return []
     left, top = np.array(extent_of(job.layers).origin) + (at or (0, 0))
-    worst = sorted(placement.residuals.items(), key=lambda item: -item[1].farthest)
-    worth = [(pair, residual) for pair, residual in worst if residual.farthest > _VISIBLE_PX]
+    worst = placement.misfits
     sentences = [
         f"up to {residual.farthest:.0f} px are left between {job.layers[i].name} and {job.layers[j].name} "
         f"near {residual.near[0] - left:.0f},{residual.near[1] - top:.0f}; look whether the seam runs there"
-        for (i, j), residual in worth[:_MOST_NAMED]
+        for (i, j), residual in worst[:_MOST_NAMED]
     ]
-    if len(worth) > _MOST_NAMED:
-        sentences.append(f"more than {_VISIBLE_PX:g} px are left in {len(worth) - _MOST_NAMED} more pairs")
+    more = len(worst) - _MOST_NAMED
+    if more > 0:
+        sentences.append(f"more than {VISIBLE_PX:g} px are left in {more} more pairs")
     return sentences
 
 
@@ -271,8 +278,8 @@ def _placement_summary(job: PlacedPictures) -> dict[str, Any] | None:
         for (i, j), residual in placement.residuals.items()
     ]
     found = {"model": placement.model, "misfit_px": placement.misfit, **camera, "pairs": pairs}
-    others = {"used": len(names), "left_out": list(placement.left_out.values())}
-    return found | {"bent_px": round(placement.bent, 2)} | others
+    told = {"left_out": list(placement.left_out.values()), "doubts": list(placement.doubts)}
+    return found | {"bent_px": round(placement.bent, 2), "used": len(names)} | told
 
 
 def _pair_summary(residual: Residual, correlation: float) -> dict[str, Any]:

@@ -12,11 +12,19 @@ from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 from click.core import ParameterSource
 
 import toposeam as ts
 from toposeam.layers.canvas.canvas import extent_of
-from toposeam.layers.canvas.transforms import CameraTransform, Transform, similarity
+from toposeam.layers.canvas.transforms import (
+    CameraTransform,
+    PlaneTransform,
+    Transform,
+    is_move,
+    similarity,
+    unbent,
+)
 from toposeam_cli.app.command import HeadedOption
 from toposeam_cli.app.options import Keyed, KeyedFile, is_path
 from toposeam_cli.files.regular import check_regular, real_path
@@ -139,7 +147,10 @@ def painted(layout: Layout, job: PlacedPictures, find: SeamOptions) -> dict[str,
     if (
         (labels := layout.labels) is not None
         and bent_alike
-        and _view(job.transforms) == _view([layer.transform for layer in layout.layers])
+        and all(
+            _same_view(transform, layout.layers[number].transform)
+            for transform, number in zip(job.transforms, job.numbers, strict=True)
+        )
     ):
         from toposeam_cli.media.layouts.label_picture import read_labels
 
@@ -267,9 +278,15 @@ def lost_in_project(job: PlacedPictures, path: Path | None, painting: Mapping[st
     return [f"a Hugin project holds places, and not {', '.join(lost)}; save a layout (.toml) for all of it"]
 
 
-def _view(transforms: Sequence[Transform]) -> set[tuple[str, float | None]]:
-    """Return the projections and fields of view of a canvas."""
-    return {(one.projection, one.fov) for one in transforms if isinstance(one, CameraTransform)}
+def _same_view(one: Transform, other: Transform) -> bool:
+    """Test whether two transforms of a picture lay it on the same canvas, wherever moves lay it."""
+    one, other = unbent(one), unbent(other)
+    if isinstance(one, CameraTransform) and isinstance(other, CameraTransform):
+        same = bool(np.allclose(one.rotation, other.rotation, rtol=0, atol=1e-9))
+        return same and (one.projection, one.fov) == (other.projection, other.fov)
+    if isinstance(one, PlaneTransform) and isinstance(other, PlaneTransform):
+        return is_move(one) or bool(np.allclose(one.matrix, other.matrix, rtol=0, atol=1e-6))
+    return False
 
 
 def _kept(command: click.Command) -> dict[str, HeadedOption]:

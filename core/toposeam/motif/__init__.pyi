@@ -8,15 +8,17 @@ from .motif import Motif, repeat_densities
 from .optimise.layer import Step
 from .recipe.recipe import LayerRecipe, Recipe
 from .recipe.simplify import simplify
-from .recipe.vary import vary
+from .recipe.styles import STYLES, Style
 from .symmetry.borders import border_visibility
 from .symmetry.kaleidoscope import kaleidoscope
 from .symmetry.rules import REPEATS
+from .variation import restyle, vary
 
 __all__ = [
     "EDGES",
     "PALETTES",
     "REPEATS",
+    "STYLES",
     "Arrangement",
     "JoinedMotifs",
     "LayerRecipe",
@@ -24,6 +26,7 @@ __all__ = [
     "Palette",
     "Recipe",
     "Step",
+    "Style",
     "SvgOptions",
     "arrange",
     "border_mismatch",
@@ -35,6 +38,7 @@ __all__ = [
     "random_arrangement",
     "random_recipe",
     "repeat_densities",
+    "restyle",
     "simplify",
     "vary",
 ]

@@ -51,6 +51,11 @@ class Arrangement(Inked):
     repeat: str = "translate"
 
     @property
+    def inking(self) -> str:
+        """Kind of the inks, one of `INKINGS`."""
+        return self.motifs[0].inking
+
+    @property
     def edges(self) -> tuple[str, ...]:
         """Stroke edges of each layer in print: those of its motifs; "soft" if they differ between motifs, as
         `sampled` has then applied them already.

@@ -17,25 +17,11 @@ from toposeam.motif.recipe.recipe import Recipe, pack_base, unpack_base
 
 #: The four palettes that divide a book.
 SEASONS = ("spring", "summer", "fall", "winter")
-#: Rules of repetition to draw from; rules that leave the theme whole are listed more often.
-_REPEATS = (
-    "translate",
-    "translate",
-    "translate",
-    "rotate",
-    "rotate",
-    "reflect",
-    "p2",
-    "pm",
-    "pg",
-    "pmg",
-    "pgg",
-    "cmm",
-    "p4",
-    "p4m",
-    "p4g",
-    "p6m",
-)
+#: Rules of repetition that leave a theme whole which shows.
+_WHOLE = ("translate", "translate", "translate", "rotate", "rotate", "reflect")
+#: Styles of patterns in which the theme hides, with thick and with thin strokes.
+_THICK = ("cutout", "leaf", "folk", "bone", "pebble", "batik")
+_THIN = ("vein", "chain", "seed", "key", "rosette", "brush", "fern", "thread", "daisy")
 #: Kinds of pattern for each product, the best first: fine ones for a tie, bold ones for a canvas.
 FITTING_KINDS: dict[str, tuple[Kind, ...]] = {
     "tie": (Kind.THIN_HIDDEN, Kind.THIN_CLEAR, Kind.THICK_HIDDEN, Kind.THICK_CLEAR),
@@ -59,8 +45,8 @@ SECOND_PRODUCT = {"shirt": "tie", "scarf": "shirt", "tie": "scarf"}
 def book_recipe(theme: npt.ArrayLike, seed: int, number: int, size: int) -> Recipe:
     """Draw the recipe of one pattern of a book; only its season is not random, but taken in turn.
 
-    Half of the recipes aim at thick strokes, and half at a theme that shows. :func:`measure` finds the kind
-    that resulted.
+    Half of the recipes aim at thick strokes, and half at a theme that shows; where it hides, style and rule
+    are drawn. :func:`measure` finds the kind that resulted.
 
     Parameters
     ----------
@@ -85,9 +71,9 @@ def book_recipe(theme: npt.ArrayLike, seed: int, number: int, size: int) -> Reci
     rng = np.random.default_rng([seed, number])
     season = palette(SEASONS[number % len(SEASONS)], 6)
     thick, shown = bool(rng.integers(2)), bool(rng.integers(2))
-    layers = int(rng.integers(2, 4 if shown else 5))  # more than three inks on one place turn black
-    inks = season.inks[rng.permutation(6)[:layers]]
-    repeat = str(rng.choice(_REPEATS[:6] if shown else _REPEATS))
+    layers = int(rng.integers(2, 4))  # more than three inks on one place turn black
+    inks = season.inks[rng.permutation(6)]
+    whole = str(rng.choice(_WHOLE))
     # With conductivity in proportion to brightness and full strength, black parts keep strokes out, so that
     # strokes draw the theme's outline. A lower strength lets them in, and the theme is not recognised.
     hint = float(rng.uniform(0.05, 0.35))
@@ -96,33 +82,37 @@ def book_recipe(theme: npt.ArrayLike, seed: int, number: int, size: int) -> Reci
     # dark one.
     if unpack_base(pack_base(theme)).mean() > 0.5:
         strength = -strength
+    if not shown:
+        return random_recipe(
+            size,
+            style=str(rng.choice(_THICK if thick else _THIN)),
+            repeat=None,
+            seed=int(rng.integers(2**31)),
+            palette=Palette(paper=season.paper, inks=inks),
+            base=theme,
+            base_strength=strength,
+        )
     few, many = (1, 4), (4, 10)
 
     def spots() -> list[tuple[float, float]]:
-        count = int(rng.integers(*(few if thick else many)))
-        return (
-            _inside(theme, strength, count, rng)
-            if shown
-            else [(float(x), float(y)) for x, y in rng.random((count, 2))]
-        )
+        return _inside(theme, strength, int(rng.integers(*(few if thick else many))), rng)
 
-    low, high = (0.0, 0.4) if thick else (0.5, 1.0)
     return random_recipe(
         size,
         layers=layers,
-        repeat=repeat,
+        repeat=whole,
         seed=int(rng.integers(2**31)),
         palette=Palette(paper=season.paper, inks=inks),
         sources=[spots() for _ in range(layers)],
         sinks=[spots() for _ in range(layers)],
-        ambient=float(rng.uniform(0.6, 1.0) if shown else rng.uniform(low, high)),
+        ambient=float(rng.uniform(0.6, 1.0)),
         mass=[float(rng.uniform(0.2, 0.36) if thick else rng.uniform(0.08, 0.22)) for _ in range(layers)],
         penalty=float(rng.choice([1.0, 2.0, 3.0, 3.0, 3.0])),
         iterations=int(rng.integers(20, 51)),
         filter_radius=float(rng.uniform(1.5, 3.0) if thick else rng.uniform(0.6, 1.2)),
         base=theme,
         base_strength=strength,
-        base_law="brightness" if shown else "contrast",
+        base_law="brightness",
     )
 
 

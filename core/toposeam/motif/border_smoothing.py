@@ -22,9 +22,9 @@ from toposeam.arrays import Floats, Floats32
 from toposeam.colours import LUMA
 from toposeam.motif.ink.mixing import mix
 from toposeam.motif.ink.stroke_edges import coverage_beyond, level
-from toposeam.motif.motif import Motif, repeat_densities
+from toposeam.motif.motif import Motif
+from toposeam.motif.optimise.conduction import MIN_DENSITY
 from toposeam.motif.optimise.hexagonal_lattice import tile_size, to_tile
-from toposeam.motif.optimise.layer import MIN_DENSITY
 from toposeam.motif.recipe.recipe import Recipe
 from toposeam.motif.symmetry.borders import compared_distance, line_visibility
 from toposeam.motif.symmetry.rules import HEXAGONAL, symmetry
@@ -61,22 +61,27 @@ def smooth_borders(
         Makes the motif of densities.
     """
     motif = make(list(densities))
-    if recipe.repeat == "none":
+    if recipe.repeat == "none" or recipe.layers[0].style == "thesis":
         return motif
-    best, planes = motif, _visibility_table(motif)
+    prints = [_laid(motif, index) for index in range(len(densities))]
+    best, planes = motif, _visibilities(motif, prints)
     layers, least = list(densities), planes.max()
     for width in _BAND_WIDTHS:
         if least <= 1:
             break
+        changed = set[int]()
         for axis in np.flatnonzero(planes.max(axis=0) > 1):
             own = planes[:-1, axis] > 1  # if no layer shows it alone, change all
             for index in np.flatnonzero(own) if own.any() else range(len(layers)):
                 layer = recipe.layers[index]
+                changed.add(int(index))
                 layers[index] = _evened_border(
                     layers[index], int(axis), layer.mass, layer.edge, recipe.repeat, width
                 )
         motif = make(layers)
-        planes = _visibility_table(motif)
+        for index in changed:
+            prints[index] = _laid(motif, index)
+        planes = _visibilities(motif, prints)
         if planes.max() < least:
             best, least = motif, planes.max()
     return best
@@ -84,15 +89,20 @@ def smooth_borders(
 
 def border_visibilities(motif: Motif) -> npt.NDArray[np.float64]:
     """Compute the largest `border_visibility` of all inks and the composite, for rows and columns: (2,)."""
-    found: Floats = _visibility_table(motif).max(axis=0)
+    prints = [_laid(motif, index) for index in range(len(motif.inks))]
+    found: Floats = _visibilities(motif, prints).max(axis=0)
     return found
 
 
-def _visibility_table(motif: Motif) -> Floats:
+def _laid(motif: Motif, layer: int) -> Floats32:
+    """Return one layer's print on the cells after which the pattern repeats by translation."""
+    return tile(motif.coverage_of(layer), motif.repeat, period(motif.repeat))
+
+
+def _visibilities(motif: Motif, prints: Sequence[Floats32]) -> Floats:
     """Compute `border_visibility` of rows and columns, for each ink and the composite: (n_L + 1, 2)."""
-    layers = repeat_densities(motif, period(motif.repeat))
     rows, columns = motif.densities.shape[1:]
-    planes = (*layers, mix(layers, motif.inks, motif.paper) @ LUMA.astype(np.float32))
+    planes = (*prints, mix(np.stack(prints), motif.inks, motif.paper, motif.inking) @ LUMA.astype(np.float32))
     return np.array([(line_visibility(one, rows), line_visibility(one.T, columns)) for one in planes])
 
 

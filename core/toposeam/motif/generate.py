@@ -9,11 +9,13 @@ from typing import Any, TypedDict, Unpack
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Floats
 from toposeam.checks import (
     Seed,
     check_choice,
     check_function,
     check_items,
+    check_kind,
     check_number,
     check_numbers,
     check_pair,
@@ -21,6 +23,7 @@ from toposeam.checks import (
     check_whole,
     seed_of,
 )
+from toposeam.colours import parse_colour
 from toposeam.errors import OptionError, Term
 from toposeam.heat.threads import one_thread
 from toposeam.motif.border_smoothing import smooth_borders
@@ -29,13 +32,11 @@ from toposeam.motif.ink.stroke_repair import repair_strokes
 from toposeam.motif.motif import Motif
 from toposeam.motif.optimise.conduction import nominal_conductivity
 from toposeam.motif.optimise.hexagonal_lattice import tile_size, to_tile
-from toposeam.motif.optimise.layer import Step, optimise_layer, plan
-from toposeam.motif.optimise.spots import Points, place_around, spots
+from toposeam.motif.optimise.layer import Step, optimise_layer
+from toposeam.motif.optimise.spots import Points, lay_spots, place_around, spots
 from toposeam.motif.recipe.recipe import LAWS, MAX_SIDE, MIN_SIDE, LayerRecipe, Recipe, pack_base, unpack_base
+from toposeam.motif.recipe.styles import STYLES, draw_rule, styles_of
 from toposeam.motif.symmetry.rules import HEXAGONAL, check_repeat
-
-#: Share of random layers that are ink wash.
-_WASH_SHARE = 0.15
 
 #: Least penalty exponent of a layer that is drawn in strokes; below, it is ink wash.
 _MIN_STROKE_PENALTY = 1.75
@@ -44,8 +45,9 @@ _MIN_STROKE_PENALTY = 1.75
 class RecipeKeywords(TypedDict, total=False):
     """Keywords of :func:`random_recipe`."""
 
-    layers: int
-    repeat: str
+    style: str | Sequence[str] | None
+    layers: int | None
+    repeat: str | None
     seed: Seed
     sources: Points | Sequence[Points] | None
     sinks: Points | Sequence[Points] | None
@@ -55,14 +57,21 @@ class RecipeKeywords(TypedDict, total=False):
     mass: float | Sequence[float] | None
     penalty: float | Sequence[float] | None
     edge: str | Sequence[str] | None
-    iterations: int
+    iterations: int | None
     move: float
-    filter_radius: float
+    filter_radius: float | None
+    avoid: float | None
     coarse: bool
     base: npt.ArrayLike | None
     base_strength: float
-    base_law: str
+    base_law: str | None
     palette: str | Palette | npt.ArrayLike | None
+    paper: str | None
+    inking: str
+
+
+#: Most layers of a motif.
+_MOST_LAYERS = 1000
 
 
 def generate_motif(
@@ -124,20 +133,21 @@ def generate_motif(
                 allowed=tuple(known),
             )
         recipe = random_recipe(source, **options)
-    per_layer = sum(count for _, count in plan(recipe))
-    total = per_layer * len(recipe.layers)
-    densities, history = [], []
-    for index, layer in enumerate(recipe.layers):
+    alone = [recipe.of_layer(index) for index in range(len(recipe.layers))]
+    total = sum(each.iterations for each in alone)
+    densities: list[npt.NDArray[np.float32]] = []
+    history: list[tuple[Step, ...]] = []
+    for own in alone:
 
-        def report(done: int, before: int = index * per_layer) -> None:
+        def report(done: int, _density: Floats, before: int = sum(map(len, history))) -> None:
             if progress is not None:
                 progress((before + done) / total)
 
+        taken = np.stack(densities).sum(axis=0).astype(np.float64) if densities else None
         with one_thread():
-            density, steps = optimise_layer(layer, recipe, report)
-        densities.append(
-            repair_strokes(density, recipe.repeat, layer.mass) if recipe.filter_radius else density
-        )
+            density, steps = optimise_layer(own, taken, report)
+        mass = own.layers[0].mass
+        densities.append(repair_strokes(density, recipe.repeat, mass) if own.filter_radius else density)
         history.append(steps)
     return smooth_borders(densities, recipe, lambda layers: make_motif(recipe, layers, history))
 
@@ -164,8 +174,9 @@ def make_motif(
 def random_recipe(
     size: int | tuple[int, int],
     *,
-    layers: int = 3,
-    repeat: str = "none",
+    style: str | Sequence[str] | None = "vein",
+    layers: int | None = None,
+    repeat: str | None = "none",
     seed: Seed = 0,
     sources: Points | Sequence[Points] | None = None,
     sinks: Points | Sequence[Points] | None = None,
@@ -175,24 +186,29 @@ def random_recipe(
     mass: float | Sequence[float] | None = None,
     penalty: float | Sequence[float] | None = None,
     edge: str | Sequence[str] | None = None,
-    iterations: int = 40,
+    iterations: int | None = None,
     move: float = 0.2,
-    filter_radius: float = 0.5,
+    filter_radius: float | None = None,
+    avoid: float | None = None,
     coarse: bool = True,
     base: npt.ArrayLike | None = None,
     base_strength: float = 0.7,
-    base_law: str = "contrast",
+    base_law: str | None = None,
     palette: str | Palette | npt.ArrayLike | None = None,
+    paper: str | None = None,
+    inking: str = "transparent",
 ) -> Recipe:
     """Return a recipe; every parameter that is not given is drawn at random.
 
     Parameters
     ----------
     size : int or (rows, columns)
-    layers : int
-        Number of inks n_L.
-    repeat : str
-        One of `REPEATS`.
+    style : str, one per layer, or None
+        One of `STYLES`: the ranges from which the parameters are drawn. With None it is drawn from the seed.
+    layers : int, optional
+        Number of inks n_L; by default as many as the style has.
+    repeat : str or None
+        One of `REPEATS`; with None drawn from the seed among those that suit the style and the size.
     seed : int, Generator or None
         Seed of the random parameters. The recipe keeps it as a whole number.
     sources, sinks : int or (n, 2 or 3) array_like, or one of these per layer
@@ -208,15 +224,21 @@ def random_recipe(
     edge : str or one per layer
         Stroke edges in print, of `EDGES`; by default "soft" for ink wash and "crisp" for strokes.
     iterations, move, filter_radius, coarse
-        See :class:`Recipe`.
+        See :class:`Recipe`; by default those of the style.
+    avoid : float
+        See :class:`LayerRecipe`; by default that of the style.
     base : (H, W) or (H, W, C) array_like
         A logo, a symbol or a photograph that shapes the strokes.
     base_strength : float
         Influence of the base image, -1 to 1; see :class:`Recipe`.
     base_law : str
-        One of `LAWS`.
+        One of `LAWS`; by default "brightness" for the thesis's style, else "contrast".
     palette : str, Palette or picture
         Colours; by default a random named palette.
+    paper : str
+        Colour of the paper, ``#rrggbb``; by default the palette's.
+    inking : str
+        One of `INKINGS`; opaque inks are seen on dark paper.
 
     Raises
     ------
@@ -230,9 +252,15 @@ def random_recipe(
     ((24, 32), 4, 2)
     """
     shape = _shape(size)
-    check_repeat(repeat, shape)
-    check_whole("layers", layers, 1)
+    check_kind("paper", paper, (str, type(None)), "a colour, like #20304a, or None")
+    if layers is not None:
+        layers = check_whole("layers", layers, 1, _MOST_LAYERS)
     seed = seed_of(seed)
+    free = sources is None and sinks is None
+    styles = styles_of(style, seed, layers, free and base is None)
+    layers = len(styles)
+    repeat = draw_rule(styles, seed, shape) if repeat is None else repeat
+    check_repeat(repeat, shape)
     rng = np.random.default_rng(seed)
     inks = _inks(palette, layers, rng)
     low_and_high = check_numbers("strengths", strengths)
@@ -245,6 +273,8 @@ def random_recipe(
         )
     low, high = low_and_high.tolist()
     check_range(-1, 1, base_strength=base_strength)
+    if base_law is None:
+        base_law = "brightness" if styles[0] == "thesis" else "contrast"
     check_choice("base_law", base_law, LAWS)
     packed = "" if base is None else pack_base(base)
     shown = (
@@ -253,11 +283,13 @@ def random_recipe(
     recipes = []
     for index in range(layers):
         # Draw every parameter, used or not, so that giving one does not change the others.
-        draw = rng.spawn(1)[0]
-        many, few = int(draw.integers(3, 10)), int(draw.integers(2, 7))
-        drawn_mass, drawn_ambient = float(draw.uniform(0.14, 0.34)), 0.97 - 0.5 * float(draw.random()) ** 2
-        drawn_penalty = float(draw.uniform(1.0, 1.3)) if draw.random() < _WASH_SHARE else 3.0
+        draw, like = rng.spawn(1)[0], STYLES[styles[index]]
+        many, few = int(draw.integers(*like.sources)), int(draw.integers(*like.sinks))
+        drawn_mass, (low_ambient, high_ambient) = float(draw.uniform(*like.mass)), like.ambient
+        drawn_ambient = high_ambient - (high_ambient - low_ambient) * float(draw.random()) ** 2
+        drawn_penalty = float(draw.uniform(1.0, 1.3)) if draw.random() < like.wash else like.penalty
         aspect = shape[1] / shape[0]
+        laid = lay_spots(like.lay, draw, seed, (low, high), aspect) if free else None
         given = spots(
             _layer_points(sources, index, layers, "sources"),
             draw,
@@ -281,6 +313,8 @@ def random_recipe(
         if distance is not None:
             check_range(0, 1, above=True, distance=distance)  # of the cell's shorter side
             drains = place_around(given, drains, distance, draw, shape)
+        if laid is not None:
+            given, drains = laid
         exponent = _number(penalty, index, layers, drawn_penalty, "penalty")
         recipes.append(
             LayerRecipe(
@@ -290,23 +324,34 @@ def random_recipe(
                 ambient=drawn_ambient if ambient is None else ambient,
                 mass=_number(mass, index, layers, drawn_mass, "mass"),
                 penalty=exponent,
-                edge=_edge(edge, index, layers, exponent),
+                edge=_edge(edge, index, layers, exponent, styles[index]),
+                style=styles[index],
+                avoid=like.avoid if avoid is None else avoid,
+                iterations=_own(like.iterations, STYLES[styles[0]].iterations, iterations),
+                filter_radius=_own(like.filter_radius, STYLES[styles[0]].filter_radius, filter_radius),
             )
         )
+    first = STYLES[styles[0]]
     return Recipe(
         size=shape,
         repeat=repeat,
         seed=seed,
-        paper=tuple(inks.paper),
+        paper=tuple(inks.paper) if paper is None else parse_colour(paper),
         layers=tuple(recipes),
-        iterations=iterations,
+        iterations=first.iterations if iterations is None else iterations,
         move=move,
-        filter_radius=filter_radius,
+        filter_radius=first.filter_radius if filter_radius is None else filter_radius,
         coarse=coarse,
         base=packed,
         base_strength=base_strength if packed else 0.0,
         base_law=base_law,
+        inking=inking,
     )
+
+
+def _own(value: Any, first: Any, given: Any) -> Any:
+    """Return a layer's own value where its style's differs from the first layer's, and none is given."""
+    return None if given is not None or value == first else value
 
 
 def _shape(size: Any) -> tuple[int, int]:
@@ -318,15 +363,7 @@ def _inks(choice: str | Palette | npt.ArrayLike | None, layers: int, rng: np.ran
     names = list(PALETTES)
     drawn = names[int(rng.integers(len(names)))]
     if isinstance(choice, Palette):
-        if len(choice.inks) < layers:
-            raise OptionError(
-                "the palette has {count} inks for {wanted} layers; use fewer layers or more inks",
-                kind="count",
-                parameter=Term("palette"),
-                value=choice,
-                count=len(choice.inks),
-                wanted=layers,
-            )
+        choice.check_layers(layers)
         return choice
     return palette(drawn if choice is None else choice, layers)
 
@@ -375,9 +412,9 @@ def _number(value: float | Sequence[float] | None, index: int, layers: int, draw
     return check_number(name, values[index])
 
 
-def _edge(value: str | Sequence[str] | None, index: int, layers: int, penalty: float) -> str:
+def _edge(value: str | Sequence[str] | None, index: int, layers: int, penalty: float, style: str) -> str:
     if value is None:
-        return "crisp" if penalty >= _MIN_STROKE_PENALTY else "soft"
+        return "crisp" if penalty >= _MIN_STROKE_PENALTY and style != "thesis" else "soft"
     several = [value] * layers if isinstance(value, str) else value
     values = check_items("edge", several, str, "a text, or one for each layer")
     if len(values) != layers:

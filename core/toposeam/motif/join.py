@@ -33,7 +33,6 @@ from toposeam.motif.generate import make_motif
 from toposeam.motif.ink.stroke_repair import repair_strokes
 from toposeam.motif.motif import Motif
 from toposeam.motif.optimise.compound import JoinOptions, Member, generate_row
-from toposeam.motif.optimise.layer import plan
 from toposeam.motif.recipe.recipe import LayerRecipe, Point, Recipe
 from toposeam.motif.symmetry.borders import (
     BESIDE_STROKES,
@@ -42,9 +41,10 @@ from toposeam.motif.symmetry.borders import (
     fade_to_mean,
     restore_mass,
 )
+from toposeam.motif.symmetry.rules import GENERATORS, symmetry
 
-#: Rules under which a motif joins itself on all four sides by translation.
-_JOINABLE = ("translate", "p1")
+#: Rules by which cells lie side by side unchanged, so that other cells may take their places.
+JOINABLE = ("translate", *GENERATORS)
 #: Default width of the border that motifs share, as a share of the cell's shorter side.
 _SHARED_BORDER = 0.03
 
@@ -202,7 +202,7 @@ def join_motifs(
         shared = max(1, round(_SHARED_BORDER * min(recipes[0].size))) if recipes else 1
     _check_recipes(recipes, weight, stages, between, shared)
     first = recipes[0]
-    per_stage = sum(count for _, count in plan(first)) * len(first.layers)
+    per_stage = sum(first.of_layer(index).iterations for index in range(len(first.layers)))
     done = 0
 
     def report() -> None:
@@ -239,10 +239,11 @@ def _finish_layer(row: list[Member], layer: int, shared: int, weight: float) -> 
     found = []
     for member in row:
         assert member.densities is not None  # noqa: S101
-        density, recipe, alone = member.densities[layer], member.recipe, weight == 0 and shared == 0
+        density, recipe = member.densities[layer], member.recipe.of_layer(layer)
+        alone = weight == 0 and shared == 0
         if recipe.filter_radius:
             kept = 0 if alone else max(shared, 1)
-            density = repair_strokes(density, recipe.repeat, recipe.layers[layer].mass, kept)
+            density = repair_strokes(density, recipe.repeat, recipe.layers[0].mass, kept)
         found.append(density.astype(np.float64))
     if weight == 0 and shared == 0:
         return [one.astype(np.float32) for one in found]
@@ -256,7 +257,8 @@ def _finish_layer(row: list[Member], layer: int, shared: int, weight: float) -> 
     for _ in range(2):  # correcting the mass changes the level at which strokes end a little
         found = smooth_row_borders(found, edges, first.repeat, shared, given)
         found = [restore_mass(one, mass) for one, mass in zip(found, masses, strict=True)]
-    return [one.astype(np.float32) for one in found]
+    orbits = symmetry(first.repeat, first.size)
+    return [orbits.mean(one).astype(np.float32) for one in found]
 
 
 def _blend(a: Recipe, b: Recipe, share: float) -> Recipe:
@@ -273,6 +275,10 @@ def _blend(a: Recipe, b: Recipe, share: float) -> Recipe:
                 penalty=(1 - share) * one.penalty + share * two.penalty,
                 edge=one.edge,
                 name=one.name,
+                style=one.style,
+                avoid=(1 - share) * one.avoid + share * two.avoid,
+                iterations=one.iterations,
+                filter_radius=one.filter_radius,
             )
         )
     return replace(a, layers=tuple(layers))
@@ -293,13 +299,13 @@ def _check_recipes(recipes: Sequence[Recipe], weight: float, stages: int, betwee
     check_whole("between", between, 1, 10)
     check_whole("shared", shared, 0, min(recipes[0].size))
     first = recipes[0]
-    if first.repeat not in _JOINABLE:
+    if first.repeat not in JOINABLE:
         raise OptionError(
             "{parameter} is {value}; motifs that join each other must repeat by {allowed}",
             kind="choice",
             parameter=Term("repeat"),
             value=first.repeat,
-            allowed=" or ".join(_JOINABLE),
+            allowed=", ".join(JOINABLE),
         )
     if first.size[1] % 2:
         raise OptionError(
@@ -320,6 +326,13 @@ def _check_recipes(recipes: Sequence[Recipe], weight: float, stages: int, betwee
                     value=getattr(other, name),
                     first=getattr(first, name),
                 )
+        pairs = zip(other.layers, first.layers, strict=False)
+        if any((a.iterations, a.filter_radius) != (b.iterations, b.filter_radius) for a, b in pairs):
+            raise OptionError(
+                "the recipes have layers of other styles, which differ in {parameter}; give the same styles",
+                kind="unlike",
+                parameter=Term("filter_radius"),
+            )
         if [part.ink for part in other.layers] != [part.ink for part in first.layers]:
             raise OptionError(
                 "the recipes differ in their inks; give all the same palette and number of layers",

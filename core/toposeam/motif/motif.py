@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -12,6 +12,7 @@ import numpy.typing as npt
 from toposeam.checks import check_kind, check_pair
 from toposeam.errors import OptionError
 from toposeam.motif.ink.mixing import mix
+from toposeam.motif.ink.palettes import Palette
 from toposeam.motif.ink.printing import MAX_PATTERN, Inked
 from toposeam.motif.ink.sampling import resample
 from toposeam.motif.optimise.hexagonal_lattice import to_tile
@@ -50,6 +51,11 @@ class Motif(Inked):
     lattice: npt.NDArray[np.float32] | None = None
 
     @property
+    def inking(self) -> str:
+        """Kind of the inks, one of `INKINGS`."""
+        return self.recipe.inking
+
+    @property
     def edges(self) -> tuple[str, ...]:
         """Stroke edges of each layer in print, of `EDGES`."""
         return tuple(layer.edge for layer in self.recipe.layers)
@@ -69,6 +75,28 @@ class Motif(Inked):
         if self.lattice is not None:
             return to_tile(self.lattice[layer], self.repeat, size)
         return resample(self.densities[layer], self.repeat, size)
+
+    def recoloured(self, colours: Palette) -> Motif:
+        """Return the motif in other colours, with the same densities: a colourway.
+
+        Parameters
+        ----------
+        colours : Palette
+            With as many inks as there are, or more.
+
+        Raises
+        ------
+        OptionError
+        """
+        check_kind("colours", colours, Palette, "a Palette")
+        count = len(self.inks)
+        colours.check_layers(count)
+        layers = [
+            replace(layer, ink=tuple(ink))
+            for layer, ink in zip(self.recipe.layers, colours.inks[:count], strict=True)
+        ]
+        recipe = replace(self.recipe, layers=tuple(layers), paper=tuple(colours.paper))
+        return replace(self, inks=colours.inks[:count], paper=colours.paper, recipe=recipe)
 
     def _own_coverage(self) -> npt.NDArray[np.float32]:
         """Return a copy of the cached coverage at the motif's own size."""
@@ -144,5 +172,5 @@ def repeat(
     (32, 48, 3)
     """
     pair = _counts(motif, counts, size)
-    image = mix(motif.coverage(size), motif.inks, motif.paper)
+    image = mix(motif.coverage(size), motif.inks, motif.paper, motif.inking)
     return np.ascontiguousarray(np.moveaxis(tile(np.moveaxis(image, -1, 0), motif.repeat, pair), 0, -1))

@@ -26,8 +26,8 @@ from toposeam.checks import check_function, check_kind, check_range, check_whole
 from toposeam.errors import OptionError, Term
 from toposeam.heat.block import Block
 from toposeam.heat.threads import one_thread
-from toposeam.motif.optimise.conduction import VOID, power
-from toposeam.motif.optimise.layer import MIN_DENSITY, TOLERANCE
+from toposeam.motif.optimise.conduction import MIN_DENSITY, VOID, power
+from toposeam.motif.optimise.layer import TOLERANCE
 from toposeam.motif.recipe.recipe import LayerRecipe, Point, Recipe
 from toposeam.motif.symmetry.rules import GENERATORS, Symmetry, symmetry
 from toposeam.optimize.oc import OCOptions, oc_step

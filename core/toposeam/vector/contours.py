@@ -46,6 +46,32 @@ class CurvePath:
         loops = np.split(units, self.starts[1:]) if len(units) else []
         return " ".join(_loop_data(loop, digits) for loop in loops)
 
+    def pieces(self) -> list[CurvePath]:
+        """Divide a contour into its connected pieces: each outline with the holes in it.
+
+        Holes run the other way round than outlines.
+        """
+        if not len(self.curves):
+            return []
+        loops = np.split(self.curves, self.starts[1:])
+        polygons = [_polygon_of(loop) for loop in loops]
+        areas = np.array([_signed_area(polygon) for polygon in polygons])
+        way = np.sign(areas[np.argmax(np.abs(areas))])  # the largest loop lies in no other
+        outlines = [index for index in np.argsort(np.abs(areas)) if way * areas[index] > 0]
+        members: dict[int, list[int]] = {index: [index] for index in sorted(outlines)}
+        for hole in np.flatnonzero(way * areas <= 0):
+            point = polygons[hole][0]
+            around = (index for index in outlines if abs(areas[index]) > abs(areas[hole]))
+            home = next((index for index in around if _is_inside(point, polygons[index])), None)
+            if home is not None:
+                members[home].append(int(hole))
+        pieces = []
+        for own in members.values():
+            curves = [loops[index] for index in own]
+            starts = np.cumsum([0, *(len(each) for each in curves[:-1])])
+            pieces.append(CurvePath(np.concatenate(curves), starts.astype(np.int64)))
+        return pieces
+
 
 def contour(
     density: npt.ArrayLike, level: float, *, periodic: bool = True, tolerance_px: float = TOLERANCE_PX
@@ -117,6 +143,32 @@ def contour_beyond(window: npt.ArrayLike, level: float, *, tolerance_px: float =
     curves, first = _fit(points, begin, ends, edge, _tangents(points, begin), tolerance_px)
     loop = np.searchsorted(begin, first, side="right") - 1
     return CurvePath(curves, np.flatnonzero(np.diff(loop, prepend=-1)).astype(np.int64))
+
+
+def _polygon_of(loop: Floats) -> Floats:
+    """Sample a loop of (N, 4, 2) curves at their starts, thirds and two thirds: (3 N, 2)."""
+    share = np.array([0.0, 1 / 3, 2 / 3])[:, np.newaxis]
+    weights = np.stack(
+        [(1 - share) ** 3, 3 * share * (1 - share) ** 2, 3 * share**2 * (1 - share), share**3], axis=1
+    )[..., 0]
+    sampled: Floats = np.einsum("sk,nkd->nsd", weights, loop).reshape(-1, 2)
+    return sampled
+
+
+def _signed_area(polygon: Floats) -> float:
+    x, y = polygon.T
+    return float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)) / 2
+
+
+def _is_inside(point: Floats, polygon: Floats) -> bool:
+    """Test by the even-odd rule whether a point lies in a polygon."""
+    if (point < polygon.min(axis=0)).any() or (point > polygon.max(axis=0)).any():
+        return False
+    (x, y), following = polygon.T, np.roll(polygon, -1, axis=0).T
+    crossed = (y > point[1]) != (following[1] > point[1])
+    rise = following[1] - y
+    at = x + (point[1] - y) * (following[0] - x) / np.where(crossed, rise, 1.0)
+    return bool(np.count_nonzero(crossed & (at > point[0])) % 2)
 
 
 def _polygons(values: Floats, level: float) -> list[Floats]:

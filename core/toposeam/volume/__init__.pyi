@@ -1,5 +1,5 @@
-from .clip.loop import Loop
 from .clip.period import Jump
+from .clip.result import Loop
 from .clip.verdict import LoopVerdict
 from .find import SURFACE_METHODS
 from .heat.method import SurfaceOptions

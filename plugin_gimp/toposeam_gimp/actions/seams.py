@@ -138,6 +138,8 @@ def _tell(call: Call, layers: Sequence[Gimp.Layer], used: Sequence[Gimp.Layer], 
                 "them on their own."
             ).format(names=named(group))
         )
+    for doubt in answer.get("doubts", ()):
+        call.tell(f"{doubt[0].upper()}{doubt[1:]}.")
     misfits = answer.get("misfits", ())
     if misfits:
         pairs = "; ".join(named(misfit["between"]) for misfit in misfits[:_NAMED])

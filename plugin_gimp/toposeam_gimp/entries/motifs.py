@@ -49,6 +49,26 @@ _PALETTES = (
     ("night", _("Night")),
 )
 
+#: The styles, as in core (a test compares them).
+_STYLES = (
+    ("vein", _("Veins")),
+    ("cutout", _("Cut paper")),
+    ("chain", _("Chains")),
+    ("seed", _("Seeds")),
+    ("key", _("Maple keys")),
+    ("batik", _("Batik")),
+    ("leaf", _("Leaves")),
+    ("rosette", _("Watercolour")),
+    ("brush", _("Brush strokes")),
+    ("folk", _("Folk ornament")),
+    ("bone", _("Bones")),
+    ("pebble", _("Pebbles")),
+    ("fern", _("Ferns")),
+    ("thread", _("Threads")),
+    ("daisy", _("Flowers")),
+    ("thesis", _("As in the thesis")),
+)
+
 MOTIF_ENTRIES = (
     Procedure(
         name="plug-in-toposeam-motif",
@@ -67,14 +87,34 @@ MOTIF_ENTRIES = (
         options=(
             number("size", _("Si_ze (px)"), _("Width and height of the motif"), 256, (32, 4096)),
             Option(
+                name="style",
+                label=_("Style of _motif"),
+                help=_("The hand in which strokes are drawn"),
+                default="random",
+                choices=(("random", _("From the seed")), *_STYLES),
+            ),
+            Option(
                 name="repeat",
                 label=_("Repeats _by"),
                 help=_("The rule by which copies of the motif join"),
-                default="translate",
-                choices=(("none", _("Nothing: it stays alone")), *_RULES, *_GROUPS),
+                default="random",
+                choices=(
+                    ("random", _("From the seed")),
+                    ("none", _("Nothing: it stays alone")),
+                    *_RULES,
+                    *_GROUPS,
+                ),
                 pictures="rule",
             ),
-            number("layers", _("_Inks"), _("Number of layers of ink"), 3, (1, 6)),
+            number(
+                "layers",
+                _("_Inks"),
+                _("Number of layers of ink; 0 leaves it to the style"),
+                0,
+                (0, 6),
+                automatic=_("From the style"),
+                typical=3,
+            ),
             Option(
                 name="palette",
                 label=_("_Palette"),
@@ -109,17 +149,24 @@ MOTIF_ENTRIES = (
             number(
                 "penalty",
                 _("Disti_nctness"),
-                _("The penalty exponent p: 1 looks like ink wash, 3 gives distinct strokes"),
-                3.0,
-                (1.0, 6.0),
+                _(
+                    "The penalty exponent p: 1 looks like ink wash, 3 gives distinct strokes; 0 leaves it to "
+                    "the style"
+                ),
+                0.0,
+                (0.0, 6.0),
+                automatic=_("From the style"),
+                typical=3,
                 advanced=True,
             ),
             number(
                 "iterations",
                 _("I_terations"),
-                _("Strokes become finer and more distinct with each"),
-                40,
-                (1, 1000),
+                _("Strokes become finer and more distinct with each; 0 leaves it to the style"),
+                0,
+                (0, 1000),
+                automatic=_("From the style"),
+                typical=40,
                 advanced=True,
             ),
             SEED,

@@ -15,7 +15,7 @@ import toposeam as ts
 from toposeam_cli.motifs.book.exploring import explore_page
 from toposeam_cli.motifs.recipe_files import read_toml, recipe_from_table, to_toml
 
-SMALL = ("--size", "24", "--layers", "1", "--iterations", "3")
+SMALL = ("--style", "vein", "--size", "24", "--layers", "1", "--iterations", "3")
 BROWSER = next((found for name in ("chromium", "google-chrome") if (found := shutil.which(name))), None)
 
 

@@ -10,7 +10,7 @@ import toposeam as ts
 from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
 from toposeam_cli.motifs.recipe_files import read_recipe
 
-SMALL = ("--size", "24", "--layers", "2", "--iterations", "5")
+SMALL = ("--style", "vein", "--repeat", "translate", "--size", "24", "--layers", "2", "--iterations", "5")
 
 
 @pytest.fixture(scope="module")
@@ -190,3 +190,17 @@ def test_bad_input(motifs, tmp_path, monkeypatch, toposeam, line, phrase, code):
     monkeypatch.chdir(tmp_path)
     toposeam(*shlex.split(line.replace("{in}", str(motifs)))).fails(phrase, code)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.medium
+def test_a_rule_that_joined_motifs_cannot_keep_is_told(tmp_path, toposeam):
+    for rule in ("rotate", "pmm"):
+        for seed in ("1", "2"):
+            line = (*SMALL, "--repeat", rule, "--palette", "sea", "--seed", seed)
+            assert toposeam("motif", "-o", tmp_path / f"{rule}{seed}.png", *line).code == 0
+        files = [tmp_path / f"{rule}{seed}.png" for seed in (1, 2)]
+        ran = toposeam("join", *files, "-o", tmp_path / f"{rule}.png", "--sheet", "1x1", "--stages", "1")
+        assert ran.code == 0
+        assert ("not by rotate" in ran.err) == (rule == "rotate")
+    cell = read_picture(tmp_path / "pmm.png").pixels
+    np.testing.assert_array_equal(cell, cell[::-1])

@@ -16,6 +16,7 @@ from scipy import ndimage
 
 from toposeam_cli.media.clips.cut import Cut, Duration
 from toposeam_cli.media.clips.reading import read_clip
+from toposeam_cli.media.clips.sound import looped_sound
 from toposeam_cli.media.pictures.picture import read_picture
 
 
@@ -369,3 +370,50 @@ def test_clips_with_a_time_in_their_name_are_read(toposeam, video, tmp_path, mon
         shutil.copy("clip.mp4", name)
         ran = toposeam("loop", "-o", tmp_path / "o.mp4", "--length", "12", "--force", "--", name)
         assert ran.code == 0, (name, ran)
+
+
+def test_cuts_are_said(toposeam, tmp_path):
+    shots = np.concatenate([frames(24) // 8, 220 + frames(16) // 8])
+    cut = animated(tmp_path / "cut.webp", shots, lossless=True)
+    ran = toposeam("loop", cut, "-o", tmp_path / "loop.webp", "--transition", "5")
+    assert ran.code == 0, ran
+    assert "has cuts; the loop stays in the shot of frames 0 to 23" in ran.err
+
+
+@pytest.mark.parametrize("suffix", ["mp4", "webm"])
+def test_sound_is_kept_and_faded_where_the_loop_jumps(toposeam, video, tmp_path, suffix):
+    av = pytest.importorskip("av")
+    path = tmp_path / "heard.mkv"
+    t = np.arange(44100 * 2, dtype=np.float32) / 44100
+    with av.open(str(video())) as given, av.open(str(path), "w") as container:
+        stream = container.add_stream("libx264", rate=25, options={"crf": "1"})
+        stream.width, stream.height, stream.pix_fmt = 40, 32, "yuv420p"
+        voice = container.add_stream("flac", rate=44100, layout="mono")
+        for frame in given.decode(video=0):
+            container.mux(stream.encode(frame.reformat(format="yuv420p")))
+        container.mux(stream.encode())
+        tone = np.int16(20000 * np.sin(2 * np.pi * 440 * t))[np.newaxis]
+        frame = av.AudioFrame.from_ndarray(tone, format="s16", layout="mono")
+        frame.sample_rate, frame.pts, frame.time_base = 44100, 0, Fraction(1, 44100)
+        container.mux(voice.encode(frame))
+        container.mux(voice.encode())
+    output = tmp_path / f"loop.{suffix}"
+    ran = toposeam("loop", path, "-o", output, "--length", "12", "--transition", "4")
+    assert ran.code == 0, ran
+    assert "left out" not in ran.err
+    with av.open(str(output)) as made:
+        assert len(made.streams.audio) == 1
+        heard = np.concatenate([frame.to_ndarray()[0] for frame in made.decode(audio=0)])
+    assert len(heard) == pytest.approx(0.48 * 48000, abs=2100)
+    loud = heard[2000:20000]
+    spectrum = np.abs(np.fft.rfft(loud * np.hanning(len(loud))))
+    assert np.argmax(spectrum) * 48000 / len(loud) == pytest.approx(440, abs=5)
+    assert 0.3 < np.abs(loud).max() < 1.0
+
+
+def test_sound_fits_at_rates_that_are_no_whole_numbers(video):
+    path = video(sound=True)
+    rate = Fraction(30000, 1001)
+    for leaves in range(6, 16):
+        heard = looped_sound(path, Fraction(0), rate, [(leaves, 1)], 3)
+        assert abs(heard.samples.shape[1] - (leaves - 1) / rate * 48000) <= 1

@@ -1,6 +1,8 @@
 """``toposeam motif`` and ``toposeam repeat``: what they make, make again, and refuse."""
 
 import re
+import shutil
+import subprocess
 
 import numpy as np
 import pytest
@@ -10,7 +12,7 @@ import toposeam as ts
 from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
 from toposeam_cli.motifs.recipe_files import read_recipe, to_toml
 
-SMALL = ("--size", "32", "--layers", "2", "--iterations", "6")
+SMALL = ("--style", "vein", "--size", "32", "--layers", "2", "--iterations", "6")
 
 
 def rendered(path, width):
@@ -28,7 +30,7 @@ def made(folder, toposeam):
         "motif", "-o", "motif.png", *SMALL, "--repeat", "rotate", "--seed", "3", "--palette", "fall"
     )
     assert (ran.code, ran.err) == (0, "")
-    assert ran.out == "motif.png: 32 × 32 px, 2 inks, repeats by rotate, seed 3\n"
+    assert ran.out == "motif.png: 32 × 32 px, vein, 2 inks, repeats by rotate, seed 3\n"
     return folder
 
 
@@ -78,7 +80,7 @@ def test_a_picture_of_another_shape_is_filled_and_cropped(made, toposeam):
 def test_relatives_keep_what_they_share(made, toposeam):
     near = ("--vary", "0.1", "--seed", "9", "--palette", "#fff0e0 #102030 #405060")
     toposeam("motif", "-o", "near.png", "--like", "motif.png", *near)
-    toposeam("motif", "-o", "far.png", "--like", "motif.png", "--seed", "9")
+    toposeam("motif", "-o", "far.png", "--like", "motif.png", "--seed", "9", "--vary", "0.5")
     first, near, far = (read_recipe(made / f"{name}.png") for name in ("motif", "near", "far"))
     assert near.repeat == far.repeat == "rotate"
     assert near.layers[1].ink == (0x40 / 255, 0x50 / 255, 0x60 / 255)
@@ -194,6 +196,10 @@ def test_a_sheet_starting_between_pixels_shows_no_lines(folder, toposeam):
         "motif",
         "-o",
         "sheet.svg",
+        "--style",
+        "vein",
+        "--repeat",
+        "translate",
         "--size",
         "48",
         "--mass",
@@ -229,7 +235,7 @@ def test_a_sheet_starting_between_pixels_shows_no_lines(folder, toposeam):
         ("motif -o m.png --size 4", "size is"),
         ("motif -o m.png --size 32x48 --repeat p4m", "needs a square cell"),
         ("motif -o m.png --size 33 --repeat rotate", "needs even sizes"),
-        ("motif -o m.png --mass 0.2,0.3", "one for each"),
+        ("motif -o m.png --layers 3 --mass 0.2,0.3", "one for each"),
         ("motif -o m.png --vary 0.5", "--vary needs a motif"),
         ("motif -o m.png --like a.png", "holds no recipe"),
         ("motif -o m.png --like nowhere.png", "there is no file"),
@@ -257,8 +263,8 @@ def test_a_sheet_starting_between_pixels_shows_no_lines(folder, toposeam):
         ("repeat motif.png 2x2 -o m.svg --repeat pgg", "leave --repeat out"),
         ("repeat a.png 2x2 -o m.png --motif-width 3cm", "holds no recipe"),
         ("motif -o m.png --edge hard", "edge is 'hard'"),
-        ("motif -o m.png --edge soft,crisp", "--edge has 2 words for 3"),
-        ("motif -o m.png --spot-names Red", "--spot-names has 1 words for 3"),
+        ("motif -o m.png --layers 3 --edge soft,crisp", "--edge has 2 words for 3"),
+        ("motif -o m.png --layers 3 --spot-names Red", "--spot-names has 1 words for 3"),
         ("motif -o m.svg --separations", "layer of its own already"),
         ("motif -o m.png --palette swatches.ase", "cannot be read"),
         ("motif -o m.png --palette bad.gpl", "is damaged"),
@@ -403,3 +409,61 @@ def test_what_click_refuses(folder, toposeam):
         (("motif", "-o", "m.png", "--sources", "2.5"), "not a number"),
     ]:
         toposeam(*line).fails(phrase, code=2)
+
+
+def test_colourways_and_opaque_inks_on_dark_paper(made, toposeam):
+    line = ("motif", "-o", "dark.png", *SMALL, "--seed", "3", "--repeat", "rotate", "--ink", "opaque")
+    ran = toposeam(*line, "--paper", "#101820", "--palette", "spring", "--colourways", "sea, night")
+    assert (ran.code, ran.err) == (0, "")
+    for name, palette in (("dark", "spring"), ("dark-sea", "sea"), ("dark-night", "night")):
+        alone = ("--paper", "#101820", "--palette", palette)
+        assert toposeam(*line[:2], "alone.png", *line[3:], *alone, "--force").code == 0
+        assert (made / f"{name}.png").read_bytes() == (made / "alone.png").read_bytes()
+    light = toposeam(
+        "motif", "-o", "light.png", "--like", "dark.png", "--paper", "#ffffff", "--ink", "opaque"
+    )
+    assert light.code == 0
+    assert read_recipe(made / "light.png").paper == (1.0, 1.0, 1.0)
+    toposeam(*line, "--force", "--colourways", "sea,nowhere").fails("choose one of spring")
+    toposeam(*line, "--paper", "black", "--force").fails("write it as #rrggbb")
+
+
+def test_drawings_of_opaque_inks_look_like_the_pictures(folder, toposeam):
+    line = ("--size", "64", "--style", "rosette", "--repeat", "p2", "--ink", "opaque", "--paper", "#102030")
+    for name in ("m.svg", "m.png"):
+        assert toposeam("motif", "-o", name, *line, "--palette", "spring", "--seed", "2").code == 0
+    drawn, picture = rendered(folder / "m.svg", 64), read_picture(folder / "m.png").pixels
+    assert np.abs(drawn.astype(int)[..., :3] - picture).mean() < 4
+
+
+GHOSTSCRIPT = shutil.which("gs")
+
+
+@pytest.mark.medium
+@pytest.mark.skipif(GHOSTSCRIPT is None, reason="there is no Ghostscript")
+@pytest.mark.parametrize(
+    "look",
+    [
+        ("--style", "fern", "--repeat", "p4m"),
+        ("--style", "rosette", "--repeat", "rotate", "--sheet", "3x2"),
+        ("--style", "folk", "--repeat", "p6m", "--ink", "opaque", "--paper", "#101820"),
+        ("--style", "rosette", "--repeat", "brick", "--sheet", "2x3", "--ink", "opaque"),
+    ],
+)
+def test_a_pdf_looks_like_the_picture_with_a_plate_for_each_ink(folder, toposeam, look):
+    line = ("motif", *look, "--size", "96", "--seed", "2", "--palette", "sea", "--spot-names", "Red 1,Gold")
+    for name in ("m.pdf", "m.png"):
+        ran = toposeam(*line, "-o", name, "--motif-width", "1in", "--dpi", "384")
+        assert (ran.code, ran.err) == (0, "")
+    call = (GHOSTSCRIPT, "-q", "-dBATCH", "-dNOPAUSE", "-r384", "-dGraphicsAlphaBits=4")
+    subprocess.run([*call, "-sDEVICE=png16m", "-sOutputFile=drawn.png", "m.pdf"], check=True, cwd=folder)
+    drawn, picture = (read_picture(folder / name).pixels.astype(int) for name in ("drawn.png", "m.png"))
+    assert np.abs(np.subtract(drawn.shape, picture.shape)).max() <= 1
+    height, width = np.minimum(drawn.shape, picture.shape)[:2]
+    assert np.abs(drawn[:height, :width] - picture[:height, :width]).mean() < 5
+    subprocess.run([*call, "-sDEVICE=tiffsep", "-sOutputFile=plate.tif", "m.pdf"], check=True, cwd=folder)
+    assert {path.name for path in folder.glob("plate(*")} >= {"plate(Red 1).tif", "plate(Gold).tif"}
+    # The recipe is in it, and gives the same bytes.
+    before = (folder / "m.pdf").read_bytes()
+    assert toposeam("motif", "-o", "again.pdf", "--like", "m.pdf").code == 0
+    assert (folder / "again.pdf").read_bytes() == before

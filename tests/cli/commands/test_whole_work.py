@@ -109,6 +109,8 @@ WORKS = {
         "png",
         ['mask = "mask.png"', 'keep = "keep.png"'],
     ),
+    "level": ((*PLACED, "--horizon", "b.png=3,4,50,9"), "png", ["turn = -6"]),
+    "level cameras": (("cameras.toml", "--horizon", "0=3,4,50,9"), "png", ["roll = -5.42"]),
     "faces": ((*PLACED, "--avoid", "faces.png", "--blend", "soft"), "png", ['avoid = "faces.png"']),
     "crop": ((*PLACED, "--crop", "inside"), "jpg", ['crop = "inside"']),
     "filled": ((*PLACED, "--fill-edges", "4"), "png", ["fill-edges = 4"]),

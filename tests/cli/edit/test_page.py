@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 from edit_pages import (
     DIGEST,
@@ -18,6 +19,7 @@ from edit_pages import (
     until,
     walker_pictures,
 )
+from PIL import Image
 
 pytest.importorskip("starlette")
 pytestmark = pytest.mark.slow
@@ -267,6 +269,53 @@ def test_what_is_saved_is_what_stitch_makes_of_its_layout(works, layout, tmp_pat
     subprocess.run(words, check=True)
     assert (tmp_path / "again.png").read_bytes() == output.read_bytes()
     assert "[[stroke]]" in (tmp_path / "all.toml").read_text()
+
+
+def test_twelve_pictures_on_sixty_megapixels(works, tmp_path):
+    rng = np.random.default_rng(4)
+    small = Image.fromarray(rng.integers(40, 220, (70, 90, 3), np.uint8))
+    whole = small.resize((9000, 7000), Image.Resampling.BICUBIC)
+    lines = []
+    for row in range(3):
+        for column in range(4):
+            left, top = 2200 * column, 2300 * row
+            tile = whole.crop((left, top, left + 2400, top + 2400))
+            tile.save(tmp_path / f"{row}{column}.jpg", quality=90)
+            lines.append(f'[[layer]]\nfile = "{row}{column}.jpg"\nat = [{left}, {top}]\n')
+    grid, output = tmp_path / "grid.toml", tmp_path / "all.jpg"
+    grid.write_text("\n".join(lines))
+    with program(grid, "-o", output, works=works) as (_, address), chromium() as context:
+        page = opened(context, address)
+        assert page.evaluate("window.toposeam.scene.layers.length") == 12
+        width, height = page.evaluate("[window.toposeam.picture.width, window.toposeam.picture.height]")
+        assert 1.5e6 < width * height < 2.5e6
+        shown = page.evaluate(DIGEST)
+        push_seam(page, 30)
+        assert page.evaluate(DIGEST) != shown
+        page.click("#save")
+        until(page, "document.querySelector('#say').className === 'good'", 300)
+        assert page.errors == []
+    with Image.open(output) as saved:
+        assert saved.size == (9000, 7000)
+
+
+def test_a_horizon_is_drawn(works, layout):
+    with program(layout, works=works) as (_, address), chromium() as context:
+        page = opened(context, address)
+        height = page.evaluate("window.toposeam.picture.height")
+        push_seam(page, 25)
+        page.click("#more-shown")
+        page.click("#horizon")
+        page.mouse.move(*on_screen(page, 40, 60))
+        page.mouse.down()
+        page.mouse.move(*on_screen(page, 90, 66))
+        page.mouse.move(*on_screen(page, 140, 72))
+        page.mouse.up()
+        until(page, f"window.toposeam?.picture.height > {height} && window.toposeam.paths.length")
+        until(page, "!document.querySelector('#undo').disabled")
+        until(page, "!document.querySelector('#seams').classList.contains('hidden')")
+        assert page.get_attribute("#push", "aria-pressed") == "true"
+        assert page.errors == []
 
 
 def test_a_save_is_cancelled_and_a_full_disk_is_said(works, layout, tmp_path):

@@ -10,6 +10,7 @@ from PIL import Image
 import toposeam as ts
 from toposeam.layers.canvas.layer import Box
 from toposeam_cli.edit.session import Session
+from toposeam_cli.edit.strokes import horizon_of
 from toposeam_cli.edit.work import claimed_work, read_work, recent_works, work_of
 
 
@@ -54,6 +55,39 @@ def test_undo_and_redo_by_stroke(session):
     assert session.can == {"undo": 0, "redo": 1}
     session.redo()
     np.testing.assert_array_equal(session.labels, second)
+
+
+def test_another_gesture_ends_the_search_of_everything(session):
+    other = 1 - int(session.labels[60, 160])
+    asked = []
+    session.paint([show(other, 160.0, 60.0, 10)])
+    change = session.settle(lambda: not asked.append(None))
+    assert len(asked) == 1
+    assert change.labels.size
+    rows, columns = np.indices(session.shape)
+    disc = (columns + 0.5 - 160) ** 2 + (rows + 0.5 - 60) ** 2 < 9**2
+    assert (session.labels[disc] == other).all()  # the window is searched all the same
+    session.paint([show(other, 160.0, 140.0, 10)])
+    session.settle()
+    session.undo()
+    assert (session.labels[disc] == other).all()
+
+
+def test_a_line_of_the_preview_becomes_level(session, works):
+    session.paint([show(0, 170.0, 40.0, 6)])
+    session.settle()
+    transforms = session.opened.transforms
+    horizon = horizon_of(np.array([[40.0, 50.0], [140.0, 62.0]]), session.labels, transforms)
+    assert horizon == "0=39.500,49.500,139.500,61.500"
+    again = Session(session.work, horizon=horizon)
+    points = again.opened.transforms[0].to_canvas(np.array([[39.5, 49.5], [139.5, 61.5]]))
+    assert points[0, 1] == pytest.approx(points[1, 1], abs=1e-6)
+    assert again.shape[0] > session.shape[0]
+    assert [stroke.layer for (stroke,) in again.gestures] == [0]
+    reopened = Session(session.work)
+    assert reopened.shape == again.shape
+    np.testing.assert_array_equal(reopened.labels, again.labels)
+    assert horizon_of(np.array([[-900.0, 0.0], [-800.0, 0.0]]), session.labels, transforms) is None
 
 
 def test_changes_bring_a_page_to_the_same_labels(session):

@@ -381,6 +381,16 @@ def test_a_whole_turn_comes_round():
     assert corner_error(placement.transforms, cameras, [size] * 8) < 0.3
 
 
+@pytest.mark.medium
+@pytest.mark.parametrize("model", ["plane", "rotation"])
+def test_points_that_contradict_each_other_are_a_sentence(model):
+    rng = np.random.default_rng(0)
+    points = rng.uniform(0, [98, 52, 95, 52], (8, 4))
+    pictures = list(rng.integers(0, 255, (2, 54, 100), np.uint8))
+    with pytest.raises(ts.OverlapError, match="too little else shows which is right"):
+        ts.find_places(pictures, points={(0, 1): points}, model=model)
+
+
 BAD = {
     "a model that is none": {"model": "homography"},
     "no model": {"model": None},
@@ -395,6 +405,10 @@ BAD = {
     "a picture before the first": {"centre": -1},
     "half a picture": {"centre": 1.5},
     "a name for a picture": {"centre": "b"},
+    "a horizon of no picture": {"horizon": (3, [[0, 0], [9, 1]])},
+    "a horizon without a picture": {"horizon": [[0, 0], [9, 1]]},
+    "a horizon of one point": {"horizon": (0, [[0, 0]])},
+    "a horizon that ends nowhere": {"horizon": (0, [[0, 0], [math.nan, 1]])},
     "no field of view": {"fov": 0},
     "more than all round": {"fov": 361},
     "a text for a field of view": {"fov": "60°"},

@@ -8,7 +8,12 @@ from toposeam.motif.book import book_recipe
 def test_patterns_of_a_book_are_drawn_from_its_ranges():
     theme = np.zeros((24, 24))
     theme[6:18, 6:18] = 1
-    recipes = [book_recipe(theme, 7, number, 32) for number in range(1, 161)]
+    every = [book_recipe(theme, 7, number, 32) for number in range(1, 321)]
+    recipes = [recipe for recipe in every if recipe.base_law == "brightness"]  # the theme shows
+    hidden = [recipe for recipe in every if recipe.base_law == "contrast"]
+    assert 0.4 < len(recipes) / len(every) < 0.6
+    assert len({recipe.layers[0].style for recipe in hidden}) == 15
+    assert len({recipe.repeat for recipe in hidden}) > 15
     radii = np.array([recipe.filter_radius for recipe in recipes])
     masses = np.array([recipe.layers[0].mass for recipe in recipes])
     thick = radii > 1.35

@@ -140,7 +140,7 @@ def test_a_motif_is_printed_alike_at_any_place_and_count(edge):
     np.testing.assert_allclose(few.coverage()[inside], many.coverage()[inside], atol=1e-4)
     assert [few.ends(0)] == [many.ends(0)]
     assert few.ends(0)[0] != motifs[0].ends(0)[0]
-    drawings = [[line for line in laid.to_svg().splitlines() if "<path" in line] for laid in (few, many)]
+    drawings = [[line for line in laid.to_svg().splitlines() if "<g fill" in line] for laid in (few, many)]
     assert len(drawings[0]) == len(drawings[1]) > 0
 
 
@@ -275,3 +275,16 @@ def test_members_begin_as_blends_of_the_fixed_ones_beside_them():
     for index, share in ((1, 1 / 3), (2, 2 / 3)):
         blend = (1 - share) * left + share * right
         np.testing.assert_allclose(designs[index], 0.2 * blend / blend.mean())
+
+
+@pytest.mark.parametrize("repeat", ["p2", "pmm", "p4m"])
+def test_joined_motifs_keep_the_group_they_share(repeat):
+    given = {"layers": 1, "iterations": 5, "palette": "sea"}
+    recipes = [ts.motif.random_recipe(32, repeat=repeat, seed=seed, **given) for seed in (1, 2)]
+    for motif in ts.motif.join_motifs(recipes, stages=2).motifs:
+        density = motif.densities[0]
+        np.testing.assert_array_equal(density, density[::-1, ::-1])
+        if repeat != "p2":
+            np.testing.assert_array_equal(density, density[:, ::-1])
+        if repeat == "p4m":
+            np.testing.assert_array_equal(density, density.T)

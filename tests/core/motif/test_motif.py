@@ -107,12 +107,20 @@ def test_motifs_show_themselves(tmp_path):
 def test_variation_moves_ambient_heat_into_its_range():
     recipe = ts.motif.random_recipe(48, seed=1, ambient=1.0)
     moved = [layer.ambient for layer in ts.motif.vary(recipe, amount=0.5, seed=2).layers]
-    assert all(0.5 * 1.0 + 0.5 * 0.2 <= value <= 0.5 * 1.0 + 0.5 * 0.9 for value in moved)
+    assert all(0.5 * 1.0 + 0.5 * 0.47 <= value <= 0.5 * 1.0 + 0.5 * 0.97 for value in moved)
     assert len(set(moved)) == len(moved)
-    far = [layer.ambient for layer in ts.motif.vary(recipe, amount=1.0, seed=2).layers]
-    assert all(0.2 <= value <= 0.9 for value in far)
     none = ts.motif.random_recipe(48, seed=1, ambient=0.0)
-    assert [layer.ambient for layer in ts.motif.vary(none, amount=1.0, seed=2).layers] == [0.0] * 3
+    assert [layer.ambient for layer in ts.motif.vary(none, amount=0.5, seed=2).layers] == [0.0] * 3
+
+
+def test_far_relatives_are_of_other_styles_and_rules():
+    recipe = ts.motif.random_recipe(48, seed=1, palette="sea")
+    near, far = (
+        [ts.motif.vary(recipe, amount=amount, seed=seed) for seed in range(12)] for amount in (0.5, 1.0)
+    )
+    assert {(one.repeat, one.layers[0].style) for one in near} == {("none", "vein")}
+    assert min(len({one.repeat for one in far}), len({one.layers[0].style for one in far})) > 4
+    assert {one.layers[2].ink for one in far} == {recipe.layers[2].ink}
 
 
 def test_named_palettes_and_those_of_pictures():
@@ -272,3 +280,23 @@ def test_random_layers_are_strokes_or_washes():
     washes = [value for value in drawn if value != 3.0]
     assert all(1.0 <= value <= 1.3 for value in washes)
     assert 5 <= len(washes) <= 40  # 15 % of 120
+
+
+def test_opaque_inks_cover_what_lies_below():
+    motif = _quick(layers=2, edge="soft", paper="#101820", inking="opaque")
+    one, two = motif.densities[..., np.newaxis]
+    expected = motif.paper * (1 - one) + one * motif.inks[0]
+    expected = expected * (1 - two) + two * motif.inks[1]
+    assert motif.image() == pytest.approx(expected, abs=1e-5)
+    assert motif.paper == pytest.approx(np.array([0x10, 0x18, 0x20]) / 255)
+    assert ts.motif.Recipe.from_dict(motif.recipe.to_dict()) == motif.recipe
+    assert "mix-blend-mode:normal" in motif.to_svg()
+
+
+def test_a_colourway_is_the_motif_of_another_palette():
+    motif = _quick(layers=2, palette="sea")
+    other = motif.recoloured(ts.motif.palette("plum", 2))
+    np.testing.assert_array_equal(other.image(), _quick(layers=2, palette="plum").image())
+    assert other.recipe == _quick(layers=2, palette="plum").recipe
+    with pytest.raises(ts.OptionError, match="1 inks for 2 layers"):
+        motif.recoloured(ts.motif.palette("plum", 1))

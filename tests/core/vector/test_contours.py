@@ -162,3 +162,28 @@ def test_a_window_has_more_than_its_margins():
     for shape in ((least - 1, least + 3), (least + 3, least - 1)):
         with pytest.raises(ts.ImageError, match="margins included"):
             contour_beyond(np.zeros(shape), 0.5)
+
+
+def test_pieces_are_outlines_with_their_own_holes():
+    y, x = np.mgrid[:90, :120] + 0.5
+    rings = [(30, 30, 24), (90, 40, 22)]
+    away = np.stack([np.abs(np.hypot(x - a, y - b) - r) for a, b, r in rings]).min(axis=0)
+    values = np.maximum(4 - away, 8 - np.hypot(x - 30, y - 30))  # two rings, one with a disc in it
+    path = contour(values, 0.0, periodic=False)
+    pieces = path.pieces()
+    assert sorted(len(piece.starts) for piece in pieces) == [1, 2, 2]
+    assert sum(len(piece.curves) for piece in pieces) == len(path.curves)
+    assert {loop for piece in pieces for loop in loops_of(piece)} == set(loops_of(path))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_there_are_as_many_pieces_as_areas(seed):
+    values = np.pad(blobs(seed=seed), MARGIN_PX, mode="wrap")
+    path = contour_beyond(values, 0.55)
+    count = ndimage.label(values > 0.55)[1]
+    assert len(path.pieces()) == pytest.approx(count, abs=1)  # diagonal neighbours may touch or not
+    assert {loop for piece in path.pieces() for loop in loops_of(piece)} == set(loops_of(path))
+
+
+def loops_of(path):
+    return [loop.tobytes() for loop in np.split(path.curves, path.starts[1:])]

@@ -29,7 +29,7 @@ shell.on('scene', async (head, blocks) => {
   seams?.remove();
   seams = new Seams(shell, head);
   await seams.load(blocks);
-  if (prints) { await prints.slide(seams); prints = null; }
+  if (prints) { await prints.slide(seams); prints = null; } else seams.show();
 });
 shell.on('state', (head, blocks) => seams?.take(head, blocks));
 shell.on('rest', head => seams?.rest(head));

@@ -136,8 +136,9 @@ export class Panels {
     const rows = Object.entries(SETTINGS).filter(([name]) => !(seams.scene.placed && PLACING.includes(name))).map(([name, values]) => this.select(name, values, chosen[name] ?? values[0], value => `${name}_${value}`, () => this.apply()));
     const format = seams.shell.output ? null : this.select('format', ['jpg', 'png', 'tif', 'webp'], seams.shell.format, value => value.toUpperCase(), value => { seams.shell.format = value; });
     const speech = this.select('language', languages(), language(), value => LANGUAGES[value] ?? value, value => { choose(value); location.hash = value; location.reload(); });
+    const horizon = make('button', { id: 'horizon', title: word('horizon_help'), onclick: () => { this.hide('more'); seams.choose('horizon'); seams.shell.say(word('horizon_help')); } }, word('horizon'));
     const others = make('button', { onclick: () => seams.shell.send({ kind: 'start' }) }, word('choose_others'));
-    this.more.replaceChildren(make('h2', {}, word('more')), ...rows, ...(format ? [format] : []), speech, others);
+    this.more.replaceChildren(make('h2', {}, word('more')), ...rows, horizon, ...(format ? [format] : []), speech, others);
   }
 
   select(name, values, chosen, titled, changed) {

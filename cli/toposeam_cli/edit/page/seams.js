@@ -147,8 +147,8 @@ export class Seams {
   // --- strokes
   begin(at) {
     if (!this.shell.owner) return false;
-    if (this.tool === 'erase') {
-      this.stroke = { kind: 'erase', points: [[at.x, at.y]], id: ++this.number };
+    if (this.tool === 'erase' || this.tool === 'horizon') {
+      this.stroke = { kind: this.tool, points: [[at.x, at.y]], id: ++this.number };
       return true;
     }
     const under = this.picture.at(at.x, at.y);
@@ -160,6 +160,7 @@ export class Seams {
   }
 
   extend(at) {
+    if (this.stroke.kind === 'horizon') { this.stroke.points[1] = [at.x, at.y]; return; }
     const [x, y] = this.stroke.points.at(-1);
     if (Math.hypot(at.x - x, at.y - y) < Math.max(1, 0.15 * this.radius)) return;
     if (this.stroke.points.length < 4000) this.stroke.points.push([at.x, at.y]);
@@ -167,7 +168,7 @@ export class Seams {
   }
 
   push() {
-    if (!this.stroke || this.stroke.kind === 'erase' || this.waiting) return;
+    if (!this.stroke || this.stroke.kind === 'erase' || this.stroke.kind === 'horizon' || this.waiting) return;
     const length = this.stroke.points.length, now = performance.now();
     if (length === this.stroke.told) return;
     if (now - (this.last ?? 0) < PERIOD_MS) {
@@ -191,13 +192,22 @@ export class Seams {
     if (!stroke) return;
     clearTimeout(this.pushTimer);
     if (stroke.kind === 'erase') this.shell.send({ kind: 'erase', points: stroke.points.map(rounded), radius: this.radius });
+    else if (stroke.kind === 'horizon') this.level(stroke.points);
     else { this.tell(true); this.busy(true); this.fresh = { ...stroke, radius: this.radius }; }
     this.stroke = null;
     this.panels.picked(this.chosen);
     this.draw();
   }
 
+  level(points) {
+    this.choose('push');
+    if (points.length < 2) return;
+    this.shell.send({ kind: 'horizon', points: points.map(rounded) });
+    this.shell.say(word('again'));
+  }
+
   cancel() {
+    if (this.tool === 'horizon') this.choose('push');
     if (!this.stroke) return;
     this.stroke = null;
     this.panels.picked(this.chosen);
@@ -299,11 +309,13 @@ export class Seams {
     pen.lineCap = pen.lineJoin = 'round';
     if (this.showSeams && !this.before) this.paintSeams(pen, d * px);
     if (this.tool === 'erase') this.paintStrokes(pen, d * px);
-    if (this.stroke && this.stroke.kind !== 'show') this.paintStroke(pen, { ...this.stroke, radius: this.radius });
+    const drawn = this.stroke?.kind;
+    if (drawn === 'horizon') this.line(pen, this.stroke.points, d * px);
+    else if (drawn && drawn !== 'show') this.paintStroke(pen, { ...this.stroke, radius: this.radius });
     if (lens) this.ring(pen, lens.x, lens.y, this.lensRadius, 2 * d * px, [8 * d * px, 6 * d * px]);
     const looked = this.looked;
     if (looked && this.showSeams) this.ring(pen, looked.x, looked.y, 34 * d * px, 1.5 * d * px, [4 * d * px, 4 * d * px]);
-    if (this.pointer && !this.before) this.ring(pen, this.pointer.x, this.pointer.y, this.radius, (this.stroke ? 2.5 : 1.5) * d * px);
+    if (this.pointer && !this.before && this.tool !== 'horizon') this.ring(pen, this.pointer.x, this.pointer.y, this.radius, (this.stroke ? 2.5 : 1.5) * d * px);
   }
 
   paintSeams(pen, px) {
@@ -331,6 +343,16 @@ export class Seams {
     stroke.points.forEach(([x, y], k) => k ? pen.lineTo(x, y) : pen.moveTo(x, y));
     if (stroke.points.length === 1) pen.lineTo(stroke.points[0][0] + 0.01, stroke.points[0][1]);
     pen.stroke();
+  }
+
+  line(pen, points, px) {
+    for (const [colour, width] of [['#000000b0', 5], ['#fff', 2.5]]) {
+      pen.strokeStyle = colour;
+      pen.lineWidth = width * px;
+      pen.beginPath();
+      points.forEach(([x, y], k) => k ? pen.lineTo(x, y) : pen.moveTo(x, y));
+      pen.stroke();
+    }
   }
 
   ring(pen, x, y, radius, width, dash = []) {

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import struct
 import warnings
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -13,24 +14,15 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.errors import ImageError, MissingPackageError
-from toposeam_cli.media.clips.clip import DEFAULT_RATE, Clip, check_pixels, evenly
+from toposeam_cli.media.clips.clip import DEFAULT_RATE, Clip, check_pixels, even_times, evenly
 from toposeam_cli.media.clips.cut import Cut
+from toposeam_cli.media.clips.video import OPENED, VideoFrames, unreadable
 from toposeam_cli.media.pictures.picture import read_picture
 
 #: Pictures that may hold several frames, read by Pillow.
 ANIMATED = (".gif", ".webp", ".png", ".apng")
 #: Extensions of the frames in a folder.
 FRAMES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".webp")
-#: Formats that FFmpeg may read: containers. Playlists (HLS, concat, DASH) would open other files.
-_CONTAINERS = (
-    "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts,mpeg,mpegvideo,flv,asf,ogg,gif,apng,mjpeg,m4v,h264,hevc,"
-    "av1,obu,ivf,nut,mxf,dv,rm,wtv,yuv4mpegpipe"
-)
-
-#: Options that let FFmpeg open files only. Names need ``file:`` before them, as it takes ``tcp:x.mp4``,
-#: ``http:/x.mp4`` or ``12:30.mp4`` for addresses.
-_OPENED = {"format_whitelist": _CONTAINERS, "protocol_whitelist": "file"}
-
 _Frame = npt.NDArray[np.uint8]
 _WHOLE = Cut()
 
@@ -40,7 +32,13 @@ class OneFrameError(ImageError):
 
 
 def read_clip(path: Path, rate: Fraction | None, max_pixels: int, cut: Cut = _WHOLE) -> Clip:
-    """Read a video, an animated picture, or a folder of frames.
+    """Read a video, an animated picture, or a folder of frames into memory; see :func:`open_clip`."""
+    clip = open_clip(path, rate, max_pixels, max_pixels, cut)
+    return replace(clip, frames=clip.frames[:])
+
+
+def open_clip(path: Path, rate: Fraction | None, max_pixels: int, max_loaded: int, cut: Cut = _WHOLE) -> Clip:
+    """Open a video, or read an animated picture or a folder of frames.
 
     Parameters
     ----------
@@ -48,7 +46,9 @@ def read_clip(path: Path, rate: Fraction | None, max_pixels: int, cut: Cut = _WH
     rate : Fraction, optional
         Frames per second. Of clips at another or an uneven rate the frame shown at each time is taken.
     max_pixels : int
-        Frames times width times height above which the clip is refused.
+        Frames times width times height above which a video is refused.
+    max_loaded : int
+        The same for animated pictures and folders, which are loaded.
     cut : Cut
         The part that is read.
 
@@ -63,12 +63,12 @@ def read_clip(path: Path, rate: Fraction | None, max_pixels: int, cut: Cut = _WH
         For videos, without PyAV.
     """
     if path.is_dir():
-        return _read_folder(path, rate, max_pixels, cut)
+        return _read_folder(path, rate, max_loaded, cut)
     if not path.exists():
         raise ImageError(f"there is no file '{path}'; check the name")
     if path.suffix.lower() in ANIMATED:
-        return _read_animated(path, rate, max_pixels, cut)
-    return _read_video(path, rate, max_pixels, cut)
+        return _read_animated(path, rate, max_loaded, cut)
+    return _open_video(path, rate, max_pixels, cut)
 
 
 def _read_folder(folder: Path, rate: Fraction | None, max_pixels: int, cut: Cut) -> Clip:
@@ -160,7 +160,7 @@ def _read_animated(path: Path, rate: Fraction | None, max_pixels: int, cut: Cut)
     return Clip(frames=stacked, rate=even)
 
 
-def _read_video(path: Path, rate: Fraction | None, max_pixels: int, cut: Cut) -> Clip:
+def _open_video(path: Path, rate: Fraction | None, max_pixels: int, cut: Cut) -> Clip:
     try:
         import av
     except ImportError as error:
@@ -168,59 +168,37 @@ def _read_video(path: Path, rate: Fraction | None, max_pixels: int, cut: Cut) ->
             f"reading {path} needs PyAV; install it with: pip install av, or give a GIF, "
             "WebP, APNG or a folder of frames"
         ) from error
-    frames: list[_Frame] = []
-    starts: list[Fraction] = []
+    times: list[int] = []
     try:
-        with av.open(f"file:{path}", options=_OPENED) as container:
+        with av.open(f"file:{path}", options=OPENED) as container:
             if not container.streams.video:
                 raise ImageError(f"{path} holds no pictures; give a video")
             stream = container.streams.video[0]
             if stream.codec_context is None:
                 raise ImageError(f"{path} is coded in a way that FFmpeg does not know; convert it to H.264")
-            stream.thread_type = "AUTO"
-            expected = stream.frames
+            unit, expected = stream.time_base or Fraction(1, 90_000), stream.frames
             last = 1 / stream.average_rate if stream.average_rate else Fraction(1, 25)
             size = cut.shape(stream.height, stream.width)
             check_pixels(str(path), max(cut.count(expected, stream.average_rate), 1), size, max_pixels)
-            seen, begin = 0, None
-            for frame in container.decode(stream):
-                at = Fraction(frame.pts or 0) * (frame.time_base or 1)
-                begin = at if begin is None else begin
-                if cut.ended(seen, at - begin):
-                    expected = min(expected, seen)
-                    break
-                if cut.wants(seen, at - begin):
-                    frames.append(cut.scaled(_upright(frame)))
-                    starts.append(at)
-                    check_pixels(str(path), len(frames), frames[0].shape, max_pixels)
-                seen += 1
+            packets = [packet for packet in container.demux(stream) if packet.size]
+            times = sorted(
+                packet.pts for packet in packets if packet.pts is not None and not packet.is_discard
+            )
             sound = bool(container.streams.audio)
     except (av.FFmpegError, OSError) as error:
         if isinstance(error, ImageError):
             raise
-        raise ImageError(
-            f"{path} cannot be read as a video ({getattr(error, 'strerror', None) or error}): it is damaged, "
-            "cut short, or of another kind; copy or convert it again"
-        ) from error
-    if not seen:
+        raise unreadable(path, error) from error
+    if not times:
         raise ImageError(f"{path} holds no frames; convert it again")
-    cut.check(len(frames), str(path))
-    if seen < 0.9 * expected:
-        raise ImageError(f"{path} is cut short: {seen} of {expected} frames can be read; copy it again")
-    order = sorted(range(len(frames)), key=starts.__getitem__)
-    stacked, even = evenly(
-        [frames[index] for index in order],
-        [starts[index] for index in order],
-        last,
-        rate,
-        str(path),
-        max_pixels,
-    )
-    return Clip(frames=stacked, rate=even, sound=sound)
-
-
-def _upright(frame: Any) -> _Frame:
-    """Return the pixels of a frame, turned upright by the recorded orientation of the camera."""
-    pixels: _Frame = frame.to_ndarray(format="rgb24")
-    turns = round((getattr(frame, "rotation", 0) or 0) / 90) % 4
-    return np.ascontiguousarray(np.rot90(pixels, turns))
+    if len(packets) < 0.9 * expected:
+        raise ImageError(
+            f"{path} is cut short: {len(packets)} of {expected} frames can be read; copy it again"
+        )
+    starts = [at * unit for at in times]
+    wanted = [index for index, at in enumerate(starts) if cut.wants(index, at - starts[0])]
+    cut.check(len(wanted), str(path))
+    taken, even = even_times([starts[index] for index in wanted], last, rate, str(path))
+    check_pixels(str(path), len(taken), size, max_pixels)
+    frames = VideoFrames(path, [times[wanted[index]] for index in taken], cut)
+    return Clip(frames=frames, rate=even, sound=sound, begin=starts[wanted[0]])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import numpy.typing as npt
 from toposeam.errors import MissingPackageError, OptionError
 from toposeam_cli.files.writing import OutputError, all_or_nothing, check_output, replacing
 from toposeam_cli.media.clips.clip import Clip
+from toposeam_cli.media.clips.sound import RATE, Sound
 from toposeam_cli.media.pictures.picture import Picture, write_picture
 
 #: Codec and pixel format of each kind of video.
@@ -22,8 +24,12 @@ _VIDEO = {
     ".mkv": ("libx264", "yuv420p", {"crf": "15", "preset": "medium"}),
     ".webm": ("libvpx-vp9", "yuv420p", {"crf": "24", "b:v": "0"}),
 }
-_ANIMATED = (".gif", ".webp", ".png", ".apng")
-SUFFIXES = (*_VIDEO, *_ANIMATED)
+#: Codec of their sound.
+_AUDIO = {".mp4": "aac", ".mov": "aac", ".mkv": "aac", ".webm": "libopus"}
+ANIMATED = (".gif", ".webp", ".png", ".apng")
+SUFFIXES = (*_VIDEO, *ANIMATED)
+#: Videos, which may have sound.
+VIDEOS = tuple(_VIDEO)
 
 
 def check_clip_output(path: Path, force: bool) -> Path:
@@ -105,7 +111,7 @@ def _write_folder(folder: Path, clip: Clip) -> None:
 def _write_animated(path: Path, clip: Clip, suffix: str) -> None:
     from PIL import Image
 
-    pictures = [Image.fromarray(frame) for frame in _eight_bits(clip.frames)]
+    pictures = [Image.fromarray(_eight_bits(frame)) for frame in clip.frames]
     shown = 1000 / clip.rate
     # Rounded cumulatively, so that the clip keeps its duration.
     unit = 10 if suffix == ".gif" else 1
@@ -146,24 +152,53 @@ def _write_video(path: Path, clip: Clip, suffix: str) -> None:
     import av
 
     codec, layout, options = _codec(suffix)
-    frames = _eight_bits(clip.frames)
-    if frames.ndim == 4 and frames.shape[3] == 4 and not (frames[..., 3] == 255).all():
-        raise OptionError(
-            f"{suffix} videos have no transparency, and the clip has; write .webp, .png or a folder"
-        )
-    height, width = frames.shape[1:3]
     kind = {".mp4": "mp4", ".mov": "mov", ".mkv": "matroska", ".webm": "webm"}[suffix]
     # Without "file:" FFmpeg takes a folder called "http:" for an address.
     with av.open(f"file:{path}", "w", format=kind, options={"protocol_whitelist": "file"}) as container:
         stream: Any = container.add_stream(codec, rate=clip.rate, options=options)
-        stream.width, stream.height, stream.pix_fmt = width + width % 2, height + height % 2, layout
-        for frame in frames:
+        stream.pix_fmt = layout
+        voice = None if clip.heard is None else _Voice(container, suffix, clip.heard)
+        for index, deep in enumerate(clip.frames):
+            frame = _eight_bits(deep)
+            height, width = frame.shape[:2]
+            if index == 0:
+                stream.width, stream.height = width + width % 2, height + height % 2
+            if frame.ndim == 3 and frame.shape[2] == 4 and not (frame[..., 3] == 255).all():
+                raise OptionError(
+                    f"{suffix} videos have no transparency, and the clip has; write .webp, .png or a folder"
+                )
             rgb = np.repeat(frame[..., None], 3, axis=2) if frame.ndim == 2 else frame[..., :3]
             rgb = np.pad(rgb, ((0, height % 2), (0, width % 2), (0, 0)), mode="edge")
             container.mux(
                 stream.encode(av.VideoFrame.from_ndarray(np.ascontiguousarray(rgb), format="rgb24"))
             )
+            if voice is not None:
+                voice.write(round((index + 1) / clip.rate * RATE))
         container.mux(stream.encode())
+        if voice is not None:
+            voice.write(None)
+
+
+class _Voice:
+    """The sound of a video that is written along with its frames."""
+
+    def __init__(self, container: Any, suffix: str, sound: Sound) -> None:
+        self._container, self._samples, self._at = container, sound.samples, 0
+        self._layout = "mono" if len(sound.samples) == 1 else "stereo"
+        self._stream = container.add_stream(_AUDIO[suffix], rate=RATE, layout=self._layout)
+
+    def write(self, end: int | None) -> None:
+        """Write the samples up to a number; all that are left, and the end, without one."""
+        import av
+
+        part = np.ascontiguousarray(self._samples[:, self._at : end])
+        if part.shape[1]:
+            frame = av.AudioFrame.from_ndarray(part, format="fltp", layout=self._layout)
+            frame.sample_rate, frame.pts, frame.time_base = RATE, self._at, Fraction(1, RATE)
+            self._container.mux(self._stream.encode(frame))
+            self._at += part.shape[1]
+        if end is None:
+            self._container.mux(self._stream.encode())
 
 
 def _codec(suffix: str) -> tuple[str, str, dict[str, str]]:

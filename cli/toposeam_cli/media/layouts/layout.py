@@ -37,7 +37,7 @@ A layer may be warped instead: by a homography from its pixels to the canvas, or
     shift = [0.0, 0.0]
 
 A picture that is warped may be bent, too, by displacements on the canvas: coefficients of a uniform cubic
-B-spline on square cells, those of the picture's first pixel in the second row and column::
+B-spline on square cells, the middle ones at the middle of the picture::
 
     mesh = { size = [512, 384], cell = 32.0, x = [[0.0, 0.1, …], …], y = [[0.0, 0.0, …], …] }
 

@@ -15,6 +15,7 @@ from toposeam.motif.symmetry.tiling import period
 from toposeam.sentence import counted
 from toposeam_cli.media.pictures.colour import to_depth
 from toposeam_cli.media.pictures.libvips import to_vips
+from toposeam_cli.motifs.printing import style_words
 from toposeam_cli.motifs.recipe_files import to_toml
 
 #: Width of a motif's pattern on the page, px.
@@ -38,7 +39,8 @@ def explore_page(
         made = ts.generate_motif(recipe)
         picture = to_depth(_swatch(made), np.dtype(np.uint8))
         data = base64.b64encode(to_vips(picture).pngsave_buffer(compression=9)).decode("ascii")
-        words = f"{recipe.repeat}, seed {recipe.seed}, {counted(len(recipe.layers), 'ink')}"
+        inks = counted(len(recipe.layers), "ink")
+        words = f"{style_words(recipe)}, {recipe.repeat}, seed {recipe.seed}, {inks}"
         cards.append(
             f'<button class="card" aria-pressed="false" data-number="{number}"><img alt="motif {number}" '
             f'src="data:image/png;base64,{data}"><span>{number} · {escape(words)}</span></button>'

@@ -66,7 +66,7 @@ def draw_pattern(
     recipe = book_recipe(_theme(theme), seed, number, size)
     made = ts.generate_motif(recipe)
     paper = Print(width_mm=width_mm, dpi=dpi)
-    image = mix(sheet_coverage(made, paper), made.inks, made.paper)
+    image = mix(sheet_coverage(made, paper), made.inks, made.paper, made.inking)
     settings = {**paper.note(), "recipe": recipe.to_dict()}
     write_picture(motif, printable(image, paper.resolution, settings), force)
     write_picture(

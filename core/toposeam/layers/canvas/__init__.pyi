@@ -3,6 +3,7 @@ from .canvas import Canvas, channel_count, common_canvas, extent_of, paint
 from .cylinder import Turned, narrowed, turned, turned_map
 from .largest_rectangle import largest_full
 from .layer import MAX_MEGAPIXELS, Box, Layer, as_layers, check_layers, cut
+from .levelling import as_horizon, levelled
 from .resampling import placed
 from .side_by_side import overlapping
 from .tile_map import (
@@ -72,6 +73,7 @@ __all__ = [
     "all_of",
     "angles_of",
     "any_of",
+    "as_horizon",
     "as_layers",
     "as_similarity",
     "blocks",
@@ -93,6 +95,7 @@ __all__ = [
     "is_empty",
     "is_move",
     "largest_full",
+    "levelled",
     "made_map",
     "narrowed",
     "new_map",

@@ -131,7 +131,7 @@ class CameraTransform:
 
     def to_picture(self, points: Floats) -> Floats:
         """Map (..., 2) points of the canvas; `NOWHERE` where the picture does not show them."""
-        rays = self._rays(points / self.radius) @ self.rotation
+        rays = self.rays_at(points) @ self.rotation
         shown = rays[..., 2:] > 1e-3
         ideal = np.where(shown, rays[..., :2] / np.where(shown, rays[..., 2:], 1.0), 0.0) * self.focal
         at = distorted(ideal, self.size, self.lens, self.shift)
@@ -156,9 +156,9 @@ class CameraTransform:
         down = (y / flat) / np.cos(half) ** 2
         return np.asarray(self.radius * np.stack([2 * np.tan(half), down], axis=-1))
 
-    def _rays(self, points: Floats) -> Floats:
-        """Map (..., 2) points of the canvas, in radii, to rays."""
-        across, down = points[..., 0], points[..., 1]
+    def rays_at(self, points: Floats) -> Floats:
+        """Map (..., 2) points of the canvas to rays of its frame."""
+        across, down = points[..., 0] / self.radius, points[..., 1] / self.radius
         if self.projection == "flat":
             rays = np.stack([across, down, np.ones_like(across)], axis=-1)
         elif self.projection == "sphere":
@@ -292,14 +292,18 @@ class MeshTransform:
     size: tuple[int, int]
     #: Side of a cell, px.
     cell: float
-    #: (rows, columns, 2) coefficients of the displacement, px of the canvas; the second one of each row and
-    #: column belongs to the picture's first pixel.
+    #: (rows, columns, 2) coefficients of the displacement, px of the canvas; the middle one, or the middle
+    #: between the middle ones, belongs to the middle of the picture.
     coefficients: Floats
+
+    def at(self, points: Floats) -> Floats:
+        """Return the column and the row of the coefficients, (..., 2), at points of the picture."""
+        size, shape = np.array(self.size), np.array(self.coefficients.shape[1::-1])
+        return np.asarray((np.clip(points, 0, size - 1.0) - (size - 1) / 2) / self.cell + (shape - 1) / 2)
 
     def shift(self, points: Floats) -> Floats:
         """Compute the displacement, px of the canvas, at (..., 2) points of the picture."""
-        at = np.clip(points, 0, np.array(self.size) - 1.0) / self.cell + 1
-        where = np.moveaxis(at[..., ::-1], -1, 0)
+        where = np.moveaxis(self.at(points)[..., ::-1], -1, 0)
         planes = np.moveaxis(self.coefficients, -1, 0)
         found = [scipy.ndimage.map_coordinates(one, where, order=3, prefilter=False) for one in planes]
         return np.stack(found, axis=-1)

@@ -95,8 +95,8 @@ def _reduced(box: Box, composed: Composition, seen: Overview) -> Box:
 
 
 def _exact(composed: Composition, seen: Overview, prices: tuple[Floats32, Floats32], small: Box) -> Box:
-    """Return a box of the overview as one of the canvas, whose edges are moved inwards by pixels while that
-    gains.
+    """Return a box of the overview as one of the canvas, whose edges are moved inwards by pixels as far as
+    that gains.
     """
     left, top = composed.canvas.origin
     edges = [
@@ -104,42 +104,34 @@ def _exact(composed: Composition, seen: Overview, prices: tuple[Floats32, Floats
         for edge, at, origin in zip(small, seen.at[::-1] * 2, (top, left) * 2, strict=True)
     ]
     box = Box(*edges).shared(composed.canvas.box)
-    if composed.period is not None:
+    goes_round = composed.period is not None
+    if goes_round:
         box = Box(box.top, 0, box.bottom, composed.canvas.shape[1])
-    for _ in range(2 * int(np.ceil(seen.scale)) + 2):
-        before = box
-        for side in (0, 2) if composed.period is not None else range(4):
-            inner = _without_edge(box, side)
-            if all(inner.shape) and _worth(composed, seen, prices, _edge(box, side)) < 0:
-                box = inner
-        if box == before:
-            break
+    most = 2 * int(np.ceil(seen.scale)) + 2
+    for axis in (0,) if goes_round else (0, 1, 0, 1):
+        height, width = box.shape
+        depth = min(most, (box.shape[axis] - 1) // 2)
+        strip = Box(0, 0, depth, width) if axis == 0 else Box(0, 0, height, depth)
+        low = strip.moved(box.top, box.left)
+        high = low.moved(*((height - depth, 0) if axis == 0 else (0, width - depth)))
+        first = _losses(_worths(composed, seen, prices, low).sum(axis=1 - axis))
+        last = _losses(_worths(composed, seen, prices, high).sum(axis=1 - axis)[::-1])
+        if axis == 0:
+            box = Box(box.top + first, box.left, box.bottom - last, box.right)
+        else:
+            box = Box(box.top, box.left + first, box.bottom, box.right - last)
     return box
 
 
-def _edge(box: Box, side: int) -> Box:
-    """Return the row or column of pixels along one side: top, left, bottom or right."""
-    edges = list(box)
-    edges[(side + 2) % 4] = edges[side] + (1 if side < 2 else -1)
-    ordered = [
-        min(edges[0], edges[2]),
-        min(edges[1], edges[3]),
-        max(edges[0], edges[2]),
-        max(edges[1], edges[3]),
-    ]
-    return Box(*ordered)
+def _losses(worths: Floats32) -> int:
+    """Return how many of the first lines of pixels are worth less than nothing together."""
+    return int(np.append(0, worths.cumsum()).argmin())
 
 
-def _without_edge(box: Box, side: int) -> Box:
-    edges = list(box)
-    edges[side] += 1 if side < 2 else -1
-    return Box(*edges)
-
-
-def _worth(composed: Composition, seen: Overview, prices: tuple[Floats32, Floats32], line: Box) -> float:
-    """Return what it is worth to have a row or column of pixels of the canvas."""
-    real, hole = (_near(each, composed, seen, line) for each in prices)
-    return float(np.where(_holes(composed, line), hole, real).sum())
+def _worths(composed: Composition, seen: Overview, prices: tuple[Floats32, Floats32], box: Box) -> Floats32:
+    """Return what it is worth to have each pixel of a box of the canvas."""
+    real, hole = (_near(each, composed, seen, box) for each in prices)
+    return np.where(_holes(composed, box), hole, real)
 
 
 def _near(

@@ -161,7 +161,7 @@ def _rows(meshes: Sequence[MeshTransform], index: int, points: Floats) -> sparse
     """Return the (N, nodes of all) matrix that takes coefficients to displacements at points."""
     mesh = meshes[index]
     height, width = mesh.coefficients.shape[:2]
-    at = np.clip(points, 0, np.array(mesh.size) - 1.0) / mesh.cell
+    at = mesh.at(points) - 1
     whole = np.minimum(at.astype(int), np.array([width, height]) - 4)
     weights = [_weights(at[:, axis] - whole[:, axis]) for axis in (0, 1)]
     step = np.arange(4)
@@ -261,9 +261,10 @@ def _differences(meshes: Sequence[MeshTransform], matches: Matches) -> tuple[spa
 
 
 def _nodes(mesh: MeshTransform) -> Floats:
+    """Return the points of the picture, (N, 2) px, that the coefficients belong to; some lie outside."""
     rows, columns = mesh.coefficients.shape[:2]
-    x, y = np.meshgrid(np.arange(columns) - 1.0, np.arange(rows) - 1.0)
-    return np.stack([x.ravel(), y.ravel()], axis=1) * mesh.cell
+    x, y = np.meshgrid(np.arange(columns) - (columns - 1) / 2, np.arange(rows) - (rows - 1) / 2)
+    return np.stack([x.ravel(), y.ravel()], axis=1) * mesh.cell + (np.array(mesh.size) - 1) / 2
 
 
 def _weights(t: Floats) -> Floats:

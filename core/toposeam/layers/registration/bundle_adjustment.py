@@ -45,7 +45,8 @@ _STEP = 1e-6
 _DISTORTION_GAIN, _DOUBTFUL_GAIN = 0.04, 0.25
 #: Largest b of the distortion of a lens.
 _LARGEST_DISTORTION = 0.2
-#: Logarithm of the scale between two pictures from which on pictures may have focal lengths of their own.
+#: Logarithm of the scale between two pictures from which on pictures may have focal lengths of their own
+#: where a plane may explain them, too.
 _ZOOM = 0.15
 
 
@@ -346,8 +347,13 @@ class _Problem:
         """
 
         def loss_of(unknowns: Floats) -> tuple[Floats, float]:
-            residuals = self.residuals(unknowns)
-            return residuals, float(scale**2 * np.log1p(np.square(residuals / scale)).sum())
+            try:
+                with np.errstate(over="ignore", invalid="ignore"):
+                    residuals = self.residuals(unknowns)
+                    loss = float(scale**2 * np.log1p(np.square(residuals / scale)).sum())
+            except np.linalg.LinAlgError:  # a step so long that a picture shrinks to a line
+                return np.zeros(0), math.inf
+            return residuals, loss
 
         where, unknowns, damping = np.flatnonzero(self.free), start, 1e-3
         residuals, loss = loss_of(unknowns)
@@ -418,6 +424,7 @@ def adjust_cameras(
     fixed: bool = False,
     distortion: float | None = None,
     start: Bundle | None = None,
+    alone: bool = False,
 ) -> Bundle:
     """Adjust the turns of one camera, its focal length and its radial distortion.
 
@@ -435,6 +442,8 @@ def adjust_cameras(
         b of the lens; by default found where the pictures show one.
     start : Bundle, optional
         By default cameras along the tree of the strongest matches, with several focal lengths.
+    alone : bool
+        Whether no plane may explain the pictures instead.
     """
     middle, order, before = spanning_tree(len(sizes), strengths_of(matches))
     usual = _FOCALS[1] * float(sizes.max())
@@ -453,7 +462,7 @@ def adjust_cameras(
     unknowns, loss = problem.minimise(*beginnings)
     if start is None:
         zooms = _zooms(sizes, matches, order, before)
-        if np.ptp(np.log(zooms)) > _ZOOM and not fixed:
+        if (alone or np.ptp(np.log(zooms)) > _ZOOM) and not fixed:
             zoomed = replace(problem, free_zoom=True)
             beginnings = [_chain_cameras(zoomed, matches, guess * zooms, order, before) for guess in guesses]
             own, other = zoomed.minimise(*beginnings)

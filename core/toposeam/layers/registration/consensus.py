@@ -23,15 +23,15 @@ from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
 from toposeam.arrays import Complexes, Floats
 from toposeam.layers.labelling.label_map import Pair
-from toposeam.layers.registration.pair_matching import Match, groups
-from toposeam.layers.registration.pose_graph import FREEDOMS, Adjustment, adjust_transforms, offsets
+from toposeam.layers.registration.pair_matching import ELSEWHERE, Match, groups
+from toposeam.layers.registration.pose_graph import (
+    FREEDOMS,
+    LARGEST_MISFIT,
+    Adjustment,
+    adjust_transforms,
+    offsets,
+)
 
-#: Largest distance, px in the median, of a pair that fits.
-LARGEST_MISFIT = 1.0
-#: Least distance of another place, as a share of a picture's diagonal: less is a lens or perspective.
-ELSEWHERE = 0.02
-#: Rounds in which pairs that fit are chosen and places found from them.
-_ROUNDS = 8
 #: Evidence against wrong pairs ÷ their own, at least. Of 58 sets of crops of pictures that repeat themselves,
 #: the 13 that would have come to lie wrong had 1.4 at most, the others 1.2 to 50.
 _OUTVOTED = 3
@@ -59,6 +59,7 @@ def vote(
     solve: Callable[[dict[Pair, Match]], Adjustment],
     largest: float,
     order: float = 2,
+    rounds: int = 8,
 ) -> Vote:
     """Find the places of pictures by the pairs that agree.
 
@@ -76,6 +77,8 @@ def vote(
         Largest distance of a pair that fits, px.
     order : float
         Of the norm that measures distances.
+    rounds : int
+        In which pairs that fit are chosen and places found from them, at most.
     """
     places = solve(matches)
     distances = offsets(places.transforms, matches, order)
@@ -84,7 +87,7 @@ def vote(
     distances = offsets(_majority(count, matches, evidence), matches, order)
     near = 3 * max(float(np.median(list(distances.values()))), largest)
     kept, settled = [pair for pair in matches if distances[pair] <= near], False
-    for _ in range(_ROUNDS):
+    for _ in range(rounds):
         if settled or groups(count, kept).any():
             break
         places = solve({pair: matches[pair] for pair in kept})

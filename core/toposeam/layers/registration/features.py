@@ -101,6 +101,8 @@ class FeatureSet:
     detail_scale: int = 1
     #: Width and height of the picture, px, where `detail` does not say it.
     picture_size: tuple[int, int] | None = None
+    #: Where it is light, to the right and 1j down, as a share of how much the gray values differ.
+    light: complex = 0j
 
     @property
     def size(self) -> tuple[int, int]:
@@ -129,7 +131,19 @@ def describe_picture(picture: Layer) -> FeatureSet:
     scale = max(1, int(np.ceil(np.sqrt(gray.size / _FEATURE_PIXELS))))
     points, descriptors = find_features(reduced(gray, scale), _CONTRAST)
     points = (points + 0.5) * scale * detail_scale - 0.5
-    return FeatureSet(detail, known, scale * detail_scale, points, descriptors, detail_scale, (width, height))
+    light = _light(gray[::8, ::8], known[::8, ::8])
+    size = (width, height)
+    return FeatureSet(detail, known, scale * detail_scale, points, descriptors, detail_scale, size, light)
+
+
+def _light(gray: Floats32, known: Mask) -> complex:
+    """Correlate known gray values with their place: to the right and 1j down."""
+    values, places = gray[known], np.argwhere(known)
+    if not len(values) or not values.std():
+        return 0j
+    apart = (places - places.mean(axis=0)) / np.maximum(places.std(axis=0), 1e-6)
+    down, right = (values - values.mean()) @ apart / (len(values) * values.std())
+    return complex(right, down)
 
 
 def gray_of(planes: npt.NDArray[np.float32], dtype: type[Float]) -> npt.NDArray[Float]:

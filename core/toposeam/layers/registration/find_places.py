@@ -32,21 +32,39 @@ from toposeam.layers.canvas.transforms import (
     PlaneTransform,
     Projection,
     Transform,
+    is_move,
     reach,
 )
 from toposeam.layers.canvas.warping import on_canvas
 from toposeam.layers.execution.tasks import Executor, check_executor
 from toposeam.layers.labelling.label_map import Pair
-from toposeam.layers.registration.consensus import (
-    ELSEWHERE,
-    LARGEST_MISFIT,
-    placed_elsewhere,
-    without_contradictions,
-)
+from toposeam.layers.registration.consensus import placed_elsewhere, without_contradictions
 from toposeam.layers.registration.homography import applied
-from toposeam.layers.registration.pair_matching import LEAST_CORRELATION, Kind, Match, PairMatcher, groups
-from toposeam.layers.registration.placement import MODELS, POORER_RATIO, Family, Model, Placement, Residual
-from toposeam.layers.registration.pose_graph import FREEDOMS, open_corners, residuals
+from toposeam.layers.registration.pair_matching import (
+    ELSEWHERE,
+    FEATURE_DEVIATION,
+    LEAST_CORRELATION,
+    Kind,
+    Match,
+    PairMatcher,
+    groups,
+    quarter_turns,
+)
+from toposeam.layers.registration.placement import (
+    MODELS,
+    POORER_RATIO,
+    Family,
+    Model,
+    Placement,
+    Residual,
+    asked_camera,
+    large_canvas,
+    moved_camera,
+    open_turn,
+    seems_flat,
+    weakly_held,
+)
+from toposeam.layers.registration.pose_graph import FREEDOMS, LARGEST_MISFIT, open_corners, residuals
 
 if TYPE_CHECKING:
     from toposeam.layers.registration.bundle_adjustment import Bundle
@@ -57,9 +75,6 @@ if TYPE_CHECKING:
 _SIMILARITY_SUFFICES = 1.2
 #: Strongest pairs that decide whether similarities are tried at all.
 _DECIDING_PAIRS = 6
-#: px of the reduced pictures by which the residuals of a similarity may exceed `POORER_RATIO` times those of
-#: a homography.
-_FEATURE_SLACK = 0.5
 
 _Value = TypeVar("_Value")
 
@@ -75,6 +90,7 @@ def find_places(
     level: bool = True,
     centre: int | None = None,
     fov: float | None = None,
+    horizon: tuple[int, npt.ArrayLike] | None = None,
     points: Mapping[Pair, npt.ArrayLike] | None = None,
     least_correlation: float = LEAST_CORRELATION,
     progress: Callable[[float], None] | None = None,
@@ -106,6 +122,9 @@ def find_places(
         The picture that lies in the middle of the canvas, where a camera turned.
     fov : float in (0, 360], optional
         Largest field of view of the canvas, degrees across, for a camera; pictures beyond are left out.
+    horizon : (int, (2, 2) array_like), optional
+        A picture, and two points of it, x and y, px from the middle of its upper left pixel. The canvas is
+        turned until the line between them is level, or upright if it is nearer to that.
     points : mapping from (int, int) to (M, 4) array_like, optional
         Points that two pictures share, at least four, in place of the features found in them: x and y in the
         one, px from the middle of its upper left pixel, and in the other.
@@ -144,6 +163,7 @@ def find_places(
         level=level,
         centre=centre,
         fov=fov,
+        horizon=horizon,
         points={} if points is None else points,
         least_correlation=least_correlation,
     )
@@ -165,6 +185,7 @@ class PlaceOptions:
     level: bool = True
     centre: int | None = None
     fov: float | None = None
+    horizon: tuple[int, npt.ArrayLike] | None = None
     points: Mapping[Pair, npt.ArrayLike] = field(default_factory=dict)
     least_correlation: float = LEAST_CORRELATION
 
@@ -198,6 +219,10 @@ class PlaceOptions:
             )
         if self.centre is not None:
             check_whole("centre", self.centre, 0, count - 1)
+        if self.horizon is not None:
+            from toposeam.layers.canvas.levelling import as_horizon  # only where it is asked for
+
+            as_horizon(self.horizon, count)
 
 
 #: Lays pictures on the canvas by their transforms; the last argument is the width of a round canvas, or None.
@@ -237,6 +262,14 @@ def found_places(
             options.points, [(picture.image.shape[1], picture.image.shape[0]) for picture in pictures]
         )
     matcher = PairMatcher(pictures, report, executor, given)
+    quarters = (
+        [0] * len(pictures) if given else quarter_turns(matcher.features, matcher.pairs, matcher.shared)
+    )
+    if any(quarters):
+        from toposeam.layers.registration.quarter_turns import turned  # few files lost their orientation
+
+        upright = [turned(picture, own) for picture, own in zip(pictures, quarters, strict=True)]
+        matcher = PairMatcher(upright, report, executor)
     placement = _by_the_seam(matcher, options, _poorest_model(matcher, options))
     if options.centre is not None and options.centre not in placement.numbers:
         raise OverlapError(
@@ -246,10 +279,28 @@ def found_places(
             centre=matcher.names[options.centre],
             why=placement.left_out[options.centre],
         )
-    chosen = [pictures[number] for number in placement.numbers]
-    layers = place(chosen, placement.transforms, placement.wrap)
+    numbers, areas = placement.numbers, sum(width * height for width, height in placement.sizes)
+    if any(quarters):
+        from toposeam.layers.registration.quarter_turns import as_in_files
+
+        placement = as_in_files(placement, quarters, matcher.names)
+    if options.horizon is not None:
+        from toposeam.layers.canvas.levelling import as_horizon
+
+        number, line = as_horizon(options.horizon, len(pictures))
+        if number not in placement.numbers:
+            raise OverlapError(
+                "{picture} has the horizon, but {why}; take two points of another picture",
+                kind="horizon",
+                layers=(number,),
+                picture=matcher.names[number],
+                why=placement.left_out[number],
+            )
+        placement = placement.levelled(placement.numbers.index(number), line)
+    layers = place([pictures[number] for number in numbers], placement.transforms, placement.wrap)
     report(1.0)
-    return replace(placement, layers=tuple(layers))
+    doubts = (*placement.doubts, *large_canvas(layers, areas))
+    return replace(placement, layers=tuple(layers), doubts=doubts)
 
 
 def _poorest_model(matcher: PairMatcher, options: PlaceOptions) -> Placement:
@@ -333,7 +384,7 @@ def _is_perspective(matcher: PairMatcher) -> bool:
         own, other = first - first.mean(), second - second.mean()
         left = np.abs(own - np.vdot(other, own) / np.vdot(other, other) * other)
         least = np.abs(first - applied(match.matrix, match.second) @ [1, 1j])
-        slack = _FEATURE_SLACK * matcher.features[pair[0]].scale
+        slack = FEATURE_DEVIATION * matcher.features[pair[0]].scale
         votes.append(_root_mean_square(left) > POORER_RATIO * _root_mean_square(least) + slack)
     return bool(votes) and sum(votes) > len(votes) / 2
 
@@ -410,17 +461,18 @@ def _by_similarity(
         PlaneTransform(np.array([[a, -b, u], [b, a, v], [0.0, 0.0, 1.0]]))
         for a, b, u, v in solution.transforms
     ]
-    turned = any(not np.array_equal(one.matrix[:2, :2], np.eye(2)) for one in transforms)
-    return _placement(
+    moved = all(map(is_move, transforms))
+    placement = _placement(
         matcher,
         labels,
         numbers,
-        model="similarity" if turned else "shift",
+        model="shift" if moved else "similarity",
         transforms=transforms,
         matches=used,
         distances={pair: residuals(solution.transforms, *pair, match) for pair, match in used.items()},
         outvoted=[pair for pair in matches if pair not in used],
     )
+    return replace(placement, doubts=tuple(weakly_held(names, placement.correlations)))
 
 
 def _by_perspective(matcher: PairMatcher, options: PlaceOptions) -> Placement:
@@ -438,18 +490,30 @@ def _adjusted(
     """Place pictures by a plane or a camera adjusted to their matches; parameters as from :func:`_joined`."""
     from toposeam.layers.registration import perspective  # shifts and similarities do without
 
-    fit = perspective.fit_models(
-        [matcher.features[number] for number in numbers],
-        matches,
-        options.families,
-        perspective.Lens(
-            focal=options.focal,
-            fixed=options.focal is not None and not options.about,
-            distortion=options.lens,
-        ),
-        matcher.executor,
+    features = [matcher.features[number] for number in numbers]
+    lens = perspective.Lens(
+        focal=options.focal,
+        fixed=options.focal is not None and not options.about,
+        distortion=options.lens,
     )
-    _check_contradictions([matcher.names[number] for number in numbers], fit)
+    fit = perspective.fit_models(features, matches, options.families, lens, matcher.executor)
+    bundle, reaches, closes = fit.bundle, False, False
+    if bundle.family == "rotation":
+        reaches, closes, ends = perspective.loop_of(fit.bundle, fit.matches)
+        if reaches and not closes:
+            tried = matcher.homographies([(numbers[i], numbers[j]) for i, j in ends])
+            more = {
+                pair: match
+                for pair, own in zip(ends, tried, strict=True)
+                if (match := own or perspective.match_ends(features, bundle, pair, options.least_correlation))
+            }
+            if more:
+                matches = dict(sorted({**matches, **more}.items()))
+                fit = perspective.fit_models(features, matches, [bundle.family], lens, matcher.executor)
+                reaches, closes, _ = perspective.loop_of(fit.bundle, fit.matches)
+    fit, doubts = _doubts_of(matcher, numbers, options, fit)
+    if reaches and not closes:
+        doubts.append(open_turn())
     bundle = fit.bundle
     transforms: Sequence[Transform]
     width = projection = None
@@ -458,7 +522,13 @@ def _adjusted(
     else:
         asked = None if options.projection == "auto" else options.projection
         centre = numbers.index(options.centre) if options.centre in numbers else None
-        view = perspective.View(projection=asked, level=options.level, centre=centre, fov=options.fov)  # type: ignore[arg-type]
+        view = perspective.View(
+            projection=asked,  # type: ignore[arg-type]
+            level=options.level,
+            centre=centre,
+            fov=options.fov,
+            closed=closes,
+        )
         cameras, width = perspective.camera_transforms(bundle, view)
         transforms, projection = cameras, cameras[0].projection
     distances = {pair: bundle.distances(pair, match) for pair, match in fit.matches.items()}
@@ -480,20 +550,35 @@ def _adjusted(
         distortion=bundle.distortion,
         projection=projection,
         wrap=width,
+        doubts=tuple(doubts),
     )
 
 
-def _check_contradictions(names: Sequence[str], fit: ModelFit) -> None:
-    """Refuse pairs that match elsewhere if the others do not outvote them."""
-    bundle = fit.bundle
-    if fit.clear or not fit.outvoted:
-        return
-    distances = bundle.medians({pair: fit.matches[pair] for pair in fit.outvoted})
-    elsewhere = placed_elsewhere(bundle.sizes, distances)
-    if elsewhere:
-        from toposeam.layers.registration.refusals import ambiguous  # most pictures need no refusal
+def _doubts_of(
+    matcher: PairMatcher, numbers: Sequence[int], options: PlaceOptions, fit: ModelFit
+) -> tuple[ModelFit, list[str]]:
+    """List the doubts about a model; refuse pairs that match elsewhere if the others do not outvote them.
 
-        raise ambiguous(names, elsewhere, max(distances.values()))
+    Where a camera was asked for and only a plane explains the pictures, no pair matches elsewhere.
+    """
+    bundle, doubts = fit.bundle, list[str]()
+    medians = {} if fit.clear and len(fit.matches) < 2 else bundle.medians(fit.matches)
+    if not fit.clear:
+        distances = {pair: medians[pair] for pair in fit.outvoted}
+        elsewhere = placed_elsewhere(bundle.sizes, distances)
+        off = max(distances.values())
+        from toposeam.layers.registration import perspective
+
+        if options.families == ("rotation",) and perspective.is_one_plane(bundle.sizes, fit.matches):
+            return replace(fit, outvoted=()), [asked_camera(off)]
+        if elsewhere:
+            from toposeam.layers.registration.refusals import ambiguous  # most pictures need no refusal
+
+            raise ambiguous([matcher.names[number] for number in numbers], elsewhere, off)
+    correlations = {pair: match.correlation for pair, match in fit.matches.items()}
+    if len(medians) > 1:
+        doubts = moved_camera(medians, correlations, float(np.hypot(*bundle.sizes.T).min()))
+    return fit, doubts if fit.seeming_mm is None else [seems_flat(fit.seeming_mm), *doubts]
 
 
 def _in_view(transforms: Sequence[Transform], bundle: Bundle, fov: float) -> list[int]:
@@ -584,7 +669,12 @@ def _reason(
     matcher: PairMatcher, labels: Indices, numbers: Sequence[int], beyond: Sequence[int], number: int
 ) -> str:
     """Say why a picture was left out; parameters as of :func:`_placement`."""
-    from toposeam.layers.registration.refusals import is_plain, named  # most pictures are placed
+    from toposeam.layers.registration.refusals import (
+        OVERLAID,
+        is_overlaid,
+        is_plain,
+        named,
+    )  # most pictures are placed
 
     name = matcher.names[number]
     if number in beyond:
@@ -598,6 +688,9 @@ def _reason(
         return f"{name} shows too little detail to be placed"
     if not shared[nearest]:
         return f"{name} shares nothing with the other pictures"
+    pair = min(number, nearest), max(number, nearest)
+    if is_overlaid(matcher.features[pair[0]], matcher.features[pair[1]], matcher.shared(pair)):
+        return f"{name} and {matcher.names[nearest]} share only {OVERLAID}"
     return (
         f"{name} shares {shared[nearest]} features with {matcher.names[nearest]}, but no overlap brings them "
         "together"

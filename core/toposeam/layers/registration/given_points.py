@@ -16,8 +16,8 @@ from toposeam.layers.registration.pair_matching import Match
 
 #: Points of a pair: a homography has eight unknowns.
 LEAST_POINTS = 4
-#: One standard deviation of a given point, px, and the features that a pair with given points counts for.
-_POINT_DEVIATION, _FEATURES = 1.0, 200
+#: Features that a pair with given points counts for.
+_FEATURES = 200
 
 
 def matches_of(points: Mapping[Pair, Any], sizes: Sequence[tuple[int, int]]) -> dict[Pair, Match]:
@@ -73,7 +73,6 @@ def matches_of(points: Mapping[Pair, Any], sizes: Sequence[tuple[int, int]]) -> 
             math.nan,
             matrix=least_squares_homography(first, second),
             features=_FEATURES,
-            uncertainty=_POINT_DEVIATION,
         )
     return matches
 

@@ -16,7 +16,7 @@ _LEADERS = 2
 _FITS = 6
 #: A pair is verified by more inliers than the number plus the share of all matches in the overlap (Brown and
 #: Lowe 2007, doi:10.1007/s11263-006-0002-3, equation 13).
-_LEAST_INLIERS, _LEAST_INLIER_SHARE = 8, 0.22
+LEAST_INLIERS, _LEAST_INLIER_SHARE = 8, 0.22
 #: Largest scale between two pictures of one scene.
 _LARGEST_SCALE = 4.0
 
@@ -40,7 +40,7 @@ class Homography:
 
 def enough(inliers: int, overlap: int) -> bool:
     """Test whether more of the matches in an overlap agree than those of wrong pairs do by chance."""
-    return inliers > _LEAST_INLIERS + _LEAST_INLIER_SHARE * overlap
+    return inliers > LEAST_INLIERS + _LEAST_INLIER_SHARE * overlap
 
 
 def applied(matrix: Floats, points: Floats) -> Floats:
@@ -72,7 +72,7 @@ def find_homography(
     Homography or None
         None where no homography of two pictures of one scene is found.
     """
-    if len(first) < _LEAST_INLIERS:
+    if len(first) < LEAST_INLIERS:
         return None
     norms = [_normalising(points) for points in (first, second)]
     a, b = (applied(norm, points) for norm, points in zip(norms, (first, second), strict=True))
@@ -104,16 +104,16 @@ def _most_inliers(a: Floats, b: Floats, near: float) -> Mask | None:
             fitted = _refit(a, b, leader, near)
             if fitted.sum() > best.sum():
                 best = fitted
-        missed = 1 - (max(int(best.sum()), _LEAST_INLIERS) / len(a)) ** 4
+        missed = 1 - (max(int(best.sum()), LEAST_INLIERS) / len(a)) ** 4
         if trials >= least and missed**trials < 1 - _CONFIDENCE:
             break
-    return best if best.sum() >= _LEAST_INLIERS else None
+    return best if best.sum() >= LEAST_INLIERS else None
 
 
 def _refit(a: Floats, b: Floats, agreeing: Mask, near: float) -> Mask:
     """Fit a homography to the agreeing matches, find those that agree with it, until they stay the same."""
     for _ in range(_FITS):
-        if agreeing.sum() < _LEAST_INLIERS:
+        if agreeing.sum() < LEAST_INLIERS:
             break
         before, agreeing = agreeing, _squares_off(_least_squares(a[agreeing], b[agreeing]), a, b) < near
         if (before == agreeing).all():

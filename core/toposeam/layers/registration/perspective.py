@@ -17,6 +17,7 @@ import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import combinations
 
 import numpy as np
 import scipy
@@ -42,14 +43,12 @@ from toposeam.layers.registration.bundle_adjustment import (
     spanning_tree,
     strengths_of,
 )
-from toposeam.layers.registration.consensus import ELSEWHERE, divide_pairs
+from toposeam.layers.registration.consensus import divide_pairs, placed_elsewhere
 from toposeam.layers.registration.features import FeatureSet
 from toposeam.layers.registration.homography import applied, least_squares_homography
-from toposeam.layers.registration.pair_matching import Match, find_patches, groups
+from toposeam.layers.registration.pair_matching import ELSEWHERE, GRID, Match, find_patches, groups
 from toposeam.layers.registration.placement import POORER_RATIO, Family
 
-#: Rows and columns of patches of an overlap.
-_PATCHES = 8
 #: Patches that a pair needs to be adjusted to these alone, and one standard deviation of one, px.
 _LEAST_PATCHES, _PATCH_DEVIATION = 12, 0.25
 #: A pair does not fit if its median distance exceeds both the first, px of the reduced pictures, and the
@@ -61,10 +60,13 @@ _TAKEN_UP = (0.25, 0.08, 0.02)
 _LARGEST_FLAT, _LARGEST_CYLINDER = (95.0, 80.0), 100.0
 #: Weight of the mean of the cameras' own verticals beside the horizon that their turns share.
 _VERTICAL_WEIGHT = 0.002
-#: Share of the pictures' corners that a camera must see less than 55° off its middle to show a plane.
-_LEAST_AHEAD = 0.8
+#: Focal length, mm of film of 24 × 36 mm, beyond which a camera that nobody speaks of shows
+#: a plane: nobody turns such a lens by hand, but a map, or a camera that moved, seems to be seen by one.
+_LONGEST_MM = 300.0
 #: Steps of a circle in which the directions that pictures show are counted.
 _CIRCLE_STEPS = 1440
+#: Share of the pictures' corners that a camera must see less than 55° off its middle to show a plane.
+_LEAST_AHEAD = 0.8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,8 +113,10 @@ class ModelFit:
     outvoted: tuple[Pair, ...]
     #: Whether these were outvoted by several times their evidence.
     clear: bool
-    #: Of a plane: the camera that shows which way is up, if there is one.
+    #: Of a plane: the camera that shows which way is up, if there is one, and the focal length, mm of film of
+    #: 24 × 36 mm, of the camera that it seems to be seen by, if that is too long for one.
     camera: Bundle | None = None
+    seeming_mm: float | None = None
 
 
 def fit_models(
@@ -141,14 +145,26 @@ def fit_models(
         if family == "plane":
             return adjust_plane(sizes, given, start)
         return adjust_cameras(
-            sizes, given, focal=lens.focal, fixed=lens.fixed, distortion=lens.distortion, start=start
+            sizes,
+            given,
+            focal=lens.focal,
+            fixed=lens.fixed,
+            distortion=lens.distortion,
+            start=start,
+            alone=len(families) == 1,
         )
+
+    def too_long(camera: Bundle) -> float | None:
+        length = math.hypot(24, 36) * camera.focal / float(np.hypot(*sizes[camera.middle]))
+        return length if lens.focal is None and length > _LONGEST_MM else None
 
     fits = {family: _fit_agreeing(sizes, matches, partial(adjust, family)) for family in families}
     fit = next(iter(fits.values()))
     if len(fits) > 1:
         fit = fits["rotation"] if _explains(fits["rotation"], fits["plane"], matches) else fits["plane"]
         camera = fits["rotation"].bundle
+        if fit is fits["rotation"] and too_long(camera):
+            fit = fits["plane"] = replace(fits["plane"], seeming_mm=too_long(camera))
         least = left_over(fits["plane"].bundle, fit.matches)
         if left_over(camera, fit.matches) <= _TOLERANCE.upright_ratio * least:
             fits["plane"] = replace(fits["plane"], camera=camera)
@@ -159,8 +175,8 @@ def fit_models(
     if bundle.family == "rotation" and plane is not fit and plane.matches.keys() == exact.keys():
         other = adjust("plane", exact, plane.bundle)
         residual, least = left_over(bundle, exact), left_over(other, exact)
-        if not _TOLERANCE.allows(bundle, residual, least, _TOLERANCE.patches):
-            fit = replace(plane, bundle=other, matches=exact)
+        if too_long(bundle) or not _TOLERANCE.allows(bundle, residual, least, _TOLERANCE.patches):
+            fit = replace(plane, bundle=other, matches=exact, seeming_mm=too_long(bundle))
             exact = _with_patches(features, fit, executor)
             bundle = adjust("plane", exact, other)
     return replace(fit, bundle=bundle, matches=exact)
@@ -171,8 +187,6 @@ def _explains(camera: ModelFit, plane: ModelFit, matches: Mapping[Pair, Match]) 
     shared = [pair for pair in matches if pair in camera.matches and pair in plane.matches]
     if not shared or len(camera.outvoted) > len(plane.outvoted):
         return len(camera.matches) > len(plane.matches)
-    if len(camera.outvoted) < len(plane.outvoted):
-        return True
     least = left_over(plane.bundle, matches, shared)
     residual = left_over(camera.bundle, matches, shared)
     return _TOLERANCE.allows(camera.bundle, residual, least, _TOLERANCE.features)
@@ -211,6 +225,12 @@ def _fit_agreeing(sizes: Floats, matches: Mapping[Pair, Match], adjust: Callable
             kept, bundle = now, adjust({pair: matches[pair] for pair in now}, bundle)
     distances = bundle.medians(matches)
     largest = max(_LARGEST_DISTANCE * scale, _usual_distance(distances, kept, diagonal))
+    if max(distances.values()) > largest:
+        # The last pair of a whole turn may be far off where the focal length comes from the others.
+        whole = adjust(matches)
+        off = whole.medians(matches)
+        if max(off.values()) <= max(_LARGEST_DISTANCE * scale, _usual_distance(off, list(off), diagonal)):
+            bundle, distances, largest = whole, off, math.inf
     right, wrong, clear = divide_pairs(len(sizes), strengths, distances, largest)
     return ModelFit(
         bundle=bundle,
@@ -218,6 +238,11 @@ def _fit_agreeing(sizes: Floats, matches: Mapping[Pair, Match], adjust: Callable
         outvoted=tuple(wrong),
         clear=clear,
     )
+
+
+def is_one_plane(sizes: Floats, matches: Mapping[Pair, Match]) -> bool:
+    """Test whether one plane brings all pairs together, so that none of them matches elsewhere."""
+    return not _fit_agreeing(sizes, matches, partial(adjust_plane, sizes)).outvoted
 
 
 def _usual_distance(distances: Mapping[Pair, float], pairs: Collection[Pair], diagonal: float) -> float:
@@ -279,9 +304,38 @@ def _with_patches(
     return exact
 
 
+def match_ends(features: Sequence[FeatureSet], bundle: Bundle, pair: Pair, least: float) -> Match | None:
+    """Match two pictures that share few features by patches of the overlap that a bundle gives them.
+
+    Parameters
+    ----------
+    features : sequence of FeatureSet
+        Of all pictures of the bundle.
+    bundle : Bundle
+    pair : (int, int)
+    least : float
+        Least correlation of the overlap.
+
+    Returns
+    -------
+    Match or None
+        None where too few patches show the same.
+    """
+    i, j = pair
+    patches = _align_patches((features[i], features[j], _PairTransform.of(bundle, i, j)))
+    if patches is None or len(patches.first) < _LEAST_PATCHES or patches.correlation < least:
+        return None
+    return replace(
+        patches,
+        features=len(patches.first),
+        share=patches.correlation,
+        uncertainty=np.full(len(patches.first), _PATCH_DEVIATION),
+    )
+
+
 @one_thread()
 def _align_patches(item: tuple[FeatureSet, FeatureSet, _PairTransform]) -> Match | None:
-    return find_patches(*item, count=_PATCHES)
+    return find_patches(*item, count=GRID)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -296,6 +350,8 @@ class View:
     centre: int | None = None
     #: Degrees across that it shows at most; None for all.
     fov: float | None = None
+    #: Whether the ends of pictures that reach all the way round agree.
+    closed: bool = True
 
 
 def plane_transforms(
@@ -365,6 +421,33 @@ def plane_transforms(
     )
 
 
+def loop_of(bundle: Bundle, matches: Mapping[Pair, Match]) -> tuple[bool, bool, list[Pair]]:
+    """Find out whether pictures of a turning camera make a loop.
+
+    Returns
+    -------
+    reaches : bool
+        Whether their fields of view reach all the way round.
+    closes : bool
+        Whether some loop of the matches leads round, and all of them fit.
+    ends : list of (int, int)
+        Pairs that are not matched and would lead from one end to the other.
+    """
+    turns = _upright(bundle, View())
+    if not _directions([_rays(bundle, turns, index) for index in range(len(turns))])[1]:
+        return False, False, []
+    yaws = _unrolled(np.arctan2(turns[:, 0, 2], turns[:, 2, 2]), matches)
+    facing = np.einsum("ia,ja->ij", turns[:, :, 2], turns[:, :, 2])
+    reach = np.arctan(np.hypot(*bundle.sizes.T) / 2 / bundle.focals)
+    near = [
+        (i, j)
+        for i, j in combinations(range(len(turns)), 2)
+        if (i, j) not in matches and math.acos(min(facing[i, j], 1.0)) < reach[i] + reach[j]
+    ]
+    fits = not placed_elsewhere(bundle.sizes, bundle.medians(matches))
+    return True, fits and bool(_closing(yaws, matches)), _closing(yaws, near)
+
+
 def camera_transforms(bundle: Bundle, view: View) -> tuple[tuple[CameraTransform, ...], int | None]:
     """Lay all pictures of a turning camera on a canvas.
 
@@ -395,7 +478,7 @@ def camera_transforms(bundle: Bundle, view: View) -> tuple[tuple[CameraTransform
     projection = view.projection or _suitable(across, math.degrees(high - low), math.degrees(max(-low, high)))
     if projection == "flat":
         turns = _pitched((low + high) / 2 if view.centre is None else _pitch(turns[view.centre])) @ turns
-    round_way = whole and projection in ("cylinder", "sphere") and across >= 360
+    round_way = whole and view.closed and projection in ("cylinder", "sphere") and across >= 360
     width = round(2 * math.pi * bundle.focal) if round_way else None
     radius = bundle.focal if width is None else width / (2 * math.pi)
     return (
@@ -454,9 +537,30 @@ def _rays(bundle: Bundle, turns: Floats, index: int) -> Floats:
     return np.asarray(rays / np.linalg.norm(rays, axis=1, keepdims=True))
 
 
+def _turn_down(yaw: float) -> Floats:
+    """Return the (3, 3) turn that brings a direction about the vertical, rad, to the front."""
+    cosine, sine = math.cos(yaw), math.sin(yaw)
+    return np.array([[cosine, 0, -sine], [0, 1, 0], [sine, 0, cosine]])
+
+
+def _pitched(pitch: float) -> Floats:
+    """Return the (3, 3) turn that brings a direction below the horizon, rad, to the front."""
+    cosine, sine = math.cos(pitch), math.sin(pitch)
+    return np.array([[1, 0, 0], [0, cosine, -sine], [0, sine, cosine]])
+
+
+def _pitch(turn: Floats) -> float:
+    return math.asin(max(-1.0, min(1.0, float(turn[1, 2]))))
+
+
 def _directions(rays: Sequence[Floats]) -> tuple[tuple[float, float], bool]:
-    """Find the angles about the vertical, rad, between which pictures show something, and whether they go all
-    the way round.
+    """Find the angles about the vertical, rad, between which pictures show something, and whether they reach
+    all the way round.
+
+    Parameters
+    ----------
+    rays : sequence of (M, 3) arrays
+        What each picture shows: right, down, forward.
     """
     shown = np.zeros(_CIRCLE_STEPS, bool)
     for ray in rays:
@@ -480,17 +584,25 @@ def _directions(rays: Sequence[Floats]) -> tuple[tuple[float, float], bool]:
     return (low, high), False
 
 
-def _turn_down(yaw: float) -> Floats:
-    """Return the (3, 3) turn that brings a direction about the vertical, rad, to the front."""
-    cosine, sine = math.cos(yaw), math.sin(yaw)
-    return np.array([[cosine, 0, -sine], [0, 1, 0], [sine, 0, cosine]])
+def _unrolled(yaws: Floats, pairs: Collection[Pair]) -> Floats:
+    """Add whole turns to the directions of pictures, (N,) rad, so that they go on from pair to pair, those of
+    nearest directions first.
+    """
+    yaws = np.array(yaws, float)
+    group = np.arange(len(yaws))
+    for i, j in sorted(pairs, key=lambda pair: abs(_yaw_step(yaws, pair))):
+        if group[i] != group[j]:
+            moved = group == group[j]
+            yaws[moved] += yaws[i] + _yaw_step(yaws, (i, j)) - yaws[j]
+            group[moved] = group[i]
+    return yaws
 
 
-def _pitched(pitch: float) -> Floats:
-    """Return the (3, 3) turn that brings a direction below the horizon, rad, to the front."""
-    cosine, sine = math.cos(pitch), math.sin(pitch)
-    return np.array([[1, 0, 0], [0, cosine, -sine], [0, sine, cosine]])
+def _closing(yaws: Floats, pairs: Collection[Pair]) -> list[Pair]:
+    """List the pairs that lead from one end of an unrolled row (:func:`_unrolled`) to the other."""
+    return [(i, j) for i, j in pairs if abs(yaws[j] - yaws[i] - _yaw_step(yaws, (i, j))) > math.pi]
 
 
-def _pitch(turn: Floats) -> float:
-    return math.asin(max(-1.0, min(1.0, float(turn[1, 2]))))
+def _yaw_step(yaws: Floats, pair: Pair) -> float:
+    """Return the angle from the first picture of a pair to the second, the shorter way."""
+    return float(wrapped(yaws[pair[1]] - yaws[pair[0]]))

@@ -1,15 +1,16 @@
-"""Where pictures belong, and how well their pairs fit there."""
+"""Where pictures belong, how well their pairs fit there, and what is doubtful about it."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
 from toposeam.arrays import Floats
+from toposeam.layers.canvas.canvas import extent_of
 from toposeam.layers.canvas.layer import Layer
 from toposeam.layers.canvas.transforms import (
     CameraTransform,
@@ -19,6 +20,7 @@ from toposeam.layers.canvas.transforms import (
     unbent,
 )
 from toposeam.layers.labelling.label_map import Pair
+from toposeam.layers.registration.pair_matching import LEAST_CORRELATION, groups
 from toposeam.sentence import counted
 
 Model: TypeAlias = Literal["shift", "similarity", "plane", "rotation"]
@@ -26,6 +28,18 @@ Model: TypeAlias = Literal["shift", "similarity", "plane", "rotation"]
 Family: TypeAlias = Literal["plane", "rotation"]
 #: The poorest first.
 MODELS: tuple[Model, ...] = get_args(Model)
+#: px that are left between two pictures above which they are told of: a step of 2 px in an edge is visible.
+VISIBLE_PX = 2.0
+#: Area of a canvas ÷ that of its pictures beyond which it is told.
+_LARGEST_CANVAS = 4.0
+#: Correlation below which a pair that alone holds pictures is doubtful.
+_SURE_CORRELATION = 0.7
+#: Median of a pair, as a share of a picture's diagonal: where half of the pairs have more, and correlate less
+#: than what shows the same, no model explains them. Of sets from one place or of one plane half have at most
+#: 0.0006 and at least 0.8, of twelve views round a tree 0.0016 and 0.36.
+_MOVED = 0.001
+#: Pictures or pairs that are named at most.
+NAMED = 8
 #: Largest residuals of a model ÷ those of one with more unknowns, for the poorer model to be taken.
 POORER_RATIO = 1.3
 
@@ -87,6 +101,8 @@ class Placement:
     misfit: float
     #: Pairs that match in another place than the others put them, and that were not used.
     outvoted: tuple[Pair, ...] = ()
+    #: What is doubtful about the places, or was decided for the user, in sentences.
+    doubts: tuple[str, ...] = ()
     #: Of a camera: focal length of the picture in the middle, px, b of its radial distortion, the projection
     #: of the canvas, and the canvas's width, px, if it goes all the way round.
     focal: float | None = None
@@ -105,6 +121,26 @@ class Placement:
         """The largest displacement, px of the canvas, by which meshes bend pictures; 0 where none does."""
         meshes = [one.coefficients for one in self.transforms if isinstance(one, MeshTransform)]
         return max((float(np.hypot(*np.moveaxis(one, -1, 0)).max()) for one in meshes), default=0.0)
+
+    @property
+    def misfits(self) -> list[tuple[Pair, Residual]]:
+        """The pairs whose residuals are visible, the worst first."""
+        worst = sorted(self.residuals.items(), key=lambda item: -item[1].farthest)
+        return [(pair, residual) for pair, residual in worst if residual.farthest > VISIBLE_PX]
+
+    def levelled(self, picture: int, line: Floats) -> Placement:
+        """Return the placement turned so that a (2, 2) line of a placed picture lies level or upright
+        (:func:`toposeam.layers.canvas.levelling.levelled`); its layers are not warped anew.
+        """
+        from toposeam.layers.canvas.levelling import levelled  # only where it is asked for
+
+        transforms = levelled(self.transforms, picture, line)
+        residuals = {}
+        for pair, residual in self.residuals.items():
+            at = self.transforms[pair[0]].to_picture(np.array([residual.near]))
+            x, y = transforms[pair[0]].to_canvas(at)[0]
+            residuals[pair] = replace(residual, near=(float(x), float(y)))
+        return replace(self, transforms=transforms, residuals=residuals)
 
     @cached_property
     def places(self) -> Floats:
@@ -140,3 +176,88 @@ class Placement:
             f"Placement({len(self.layers)} pictures by {self.model}, "
             f"{counted(len(self.correlations), 'pair')}, misfit {self.misfit:.2f} px)"
         )
+
+
+def named_few(names: Sequence[str]) -> str:
+    """List names, a few of them."""
+    names = list(names)
+    if len(names) > NAMED + 1:
+        names[NAMED:] = [f"{len(names) - NAMED} more"]
+    return names[0] if len(names) == 1 else f"{names[0]} and {', '.join(names[1:])}"
+
+
+def turned_back(names: Sequence[str], quarters: Sequence[int]) -> list[str]:
+    """Tell which pictures were turned back, by how many quarter turns counterclockwise."""
+    told = []
+    for turn in (1, 2, 3):
+        those = [name for name, own in zip(names, quarters, strict=True) if own == turn]
+        if those:
+            way = "by 180°" if turn == 2 else f"by 90° {'counter' if turn == 1 else ''}clockwise"
+            guess = "" if 2 * len(those) < len(names) else "; that this is upright is a guess"
+            lay = "was" if len(those) == 1 else "were"
+            told.append(f"{named_few(those)} {lay} turned {way}, as the pixels lay otherwise{guess}")
+    return told
+
+
+def large_canvas(layers: Sequence[Layer], pixels: int) -> list[str]:
+    """Tell of a canvas that is several times as large as its pictures, which have so many pixels."""
+    height, width = extent_of(layers).shape
+    times = height * width / pixels
+    if times <= _LARGEST_CANVAS:
+        return []
+    return [
+        f"the canvas of {width} × {height} px has {times:.1f} times as many pixels as the pictures: look "
+        "whether they lie and are stretched as they should be"
+    ]
+
+
+def weakly_held(names: Sequence[str], correlations: Mapping[Pair, float]) -> list[str]:
+    """Tell of pairs that alone hold pictures together and hardly show the same."""
+    return [
+        f"{names[i]} and {names[j]} hardly show the same (correlation {correlation:.2f}), and nothing else "
+        "says where they lie: what repeats itself, as windows do, matches in several places; check them"
+        for (i, j), correlation in correlations.items()
+        if correlation < _SURE_CORRELATION
+        and groups(len(names), [pair for pair in correlations if pair != (i, j)]).any()
+    ]
+
+
+def seems_flat(length: float) -> str:
+    """Tell of a plane that a camera of that focal length, mm, would have to have seen."""
+    return (
+        "taken for one plane, as a map, a scan, a facade or what was seen from afar, since a camera that "
+        f"turned would have a lens of {length:.0f} mm"
+    )
+
+
+def asked_camera(off: float) -> str:
+    """Tell of pictures of which only a plane brings all pairs together, up to so many px off."""
+    return (
+        "a camera that only turned does not explain these pictures, as one plane does: up to "
+        f"{off:.0f} px are left, as where the camera moved, too; it was taken since it was asked for"
+    )
+
+
+def open_turn() -> str:
+    """Tell of a turn whose ends do not agree."""
+    return (
+        "the pictures seem to reach all the way round, but the first and the last of them do not show the "
+        "same there, so that the turn is not closed"
+    )
+
+
+def moved_camera(
+    medians: Mapping[Pair, float], correlations: Mapping[Pair, float], diagonal: float
+) -> list[str]:
+    """Tell of pictures that neither a plane nor a turn explains, by the median of the distances, px, and the
+    correlation of each of several pairs, and the pictures' diagonal, px.
+    """
+    if len(medians) < 2 or np.median(list(medians.values())) <= _MOVED * diagonal:
+        return []
+    if not np.median([own for own in correlations.values() if np.isfinite(own)] or [1.0]) < LEAST_CORRELATION:
+        return []
+    return [
+        "neither a plane nor a camera that turned explains these pictures, of which up to "
+        f"{max(medians.values()):.0f} px are left in the median of two: the camera went round what they "
+        "show, or past it; take pictures from one place, or of what is flat"
+    ]

@@ -22,8 +22,8 @@ from toposeam.layers.registration.pair_matching import Match
 _LEAST_TURN = 0.35
 #: Median distance, px, up to which shifts suffice: errors of matching are alike all along a narrow strip.
 _SHIFTS_SUFFICE = 0.15
-#: Least distance, px, from which on a patch may be an outlier.
-_OUTLIER = 1.0
+#: Largest distance, px, of a pair that fits, in the median, and of a patch that is no outlier.
+LARGEST_MISFIT = 1.0
 #: The unknowns of each kind of transform, of a, b, u, v, the simplest kind first.
 _UNKNOWNS = {"shift": (2, 3), "turn": (1, 2, 3), "similarity": (0, 1, 2, 3)}
 #: Kinds of transforms, the simplest first.
@@ -33,8 +33,6 @@ FREEDOMS = tuple(_UNKNOWNS)
 _CORRELATED_PATCHES = 16
 #: Least standard deviation of a patch, px.
 _LEAST_DEVIATION = 0.02
-#: Damping of the normal equations, of their diagonal: unknowns that no patch determines stay finite.
-_DAMPING = 1e-12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -144,7 +142,9 @@ def least_squares(count: int, matches: dict[Pair, Match], freedom: str) -> Adjus
             transforms[:, 0] = np.sqrt(1 - np.clip(transforms[:, 1], -0.5, 0.5) ** 2)
         distances = {pair: residuals(transforms, *pair, match) for pair, match in matches.items()}
         before = used
-        used = {pair: own <= max(_OUTLIER, 2 * float(np.median(own))) for pair, own in distances.items()}
+        used = {
+            pair: own <= max(LARGEST_MISFIT, 2 * float(np.median(own))) for pair, own in distances.items()
+        }
         if freedom != "turn" and all(np.array_equal(used[pair], before[pair]) for pair in used):
             break  # the next solution is the same
     errors = matrix[:, columns] @ solution - right
@@ -170,9 +170,8 @@ def _equations(count: int, matches: dict[Pair, Match]) -> csr_array:
 def _solved(matrix: csr_array, right: Floats) -> Floats:
     """Solve sparse equations by least squares: normal equations, and one step of refinement."""
     normal = (matrix.T @ matrix).tocsc()
-    factors = scipy.sparse.linalg.splu(
-        normal + scipy.sparse.diags_array(_DAMPING * normal.diagonal()).tocsc()
-    )
+    # A little of the diagonal is added, so that unknowns that no patch determines stay finite.
+    factors = scipy.sparse.linalg.splu(normal + scipy.sparse.diags_array(1e-12 * normal.diagonal()).tocsc())
     solution = factors.solve(matrix.T @ right)
     return np.asarray(solution + factors.solve(matrix.T @ (right - matrix @ solution)))
 

@@ -13,21 +13,29 @@ from toposeam.errors import OverlapError
 from toposeam.layers.canvas.layer import Layer
 from toposeam.layers.labelling.label_map import Pair
 from toposeam.layers.registration.features import FeatureSet
-from toposeam.layers.registration.pair_matching import Match, PairMatcher, groups
+from toposeam.layers.registration.homography import LEAST_INLIERS
+from toposeam.layers.registration.pair_matching import Match, PairMatcher, at_one_place, groups
+from toposeam.layers.registration.placement import NAMED, named_few
 from toposeam.sentence import counted
 
 #: Largest standard deviation of a picture's corners, px, where places are to be exact: what is below is
 #: placed within half a pixel (benchmarks/placing.py).
 LARGEST_UNCERTAINTY = 0.4
-#: Features that a picture needs for an overlap to be looked for.
-_LEAST_FEATURES = 8
-#: Pictures or pairs that are named at most.
-_NAMED = 8
 
 
 def is_plain(features: FeatureSet) -> bool:
     """Test whether a picture shows too little detail to look for an overlap."""
-    return len(features.keypoints) < _LEAST_FEATURES
+    return len(features.keypoints) < LEAST_INLIERS
+
+
+#: What unrelated pictures share.
+OVERLAID = "what lies at the same place in both, as a frame, a tool bar, a menu or a logo: crop it off"
+
+
+def is_overlaid(a: FeatureSet, b: FeatureSet, shared: Indices) -> bool:
+    """Test whether most features that two pictures share lie at the same place in both."""
+    fixed = at_one_place(a, b, shared)
+    return bool(fixed.sum() >= LEAST_INLIERS and 2 * fixed.sum() > len(fixed))
 
 
 def strangers(matcher: PairMatcher, correlation: float, least: float) -> OverlapError:
@@ -38,6 +46,8 @@ def strangers(matcher: PairMatcher, correlation: float, least: float) -> Overlap
     plain = [name for name, features in zip(names, matcher.features, strict=True) if is_plain(features)]
     if plain:
         why = f"{' and '.join(plain)} {'shows' if len(plain) == 1 else 'show'} too little detail"
+    elif is_overlaid(matcher.features[0], matcher.features[1], matcher.shared((0, 1))):
+        why = f"they share only {OVERLAID}"
     elif correlation > -1:
         why = f"the correlation of their overlap is {correlation:.2f}, {least:g} is needed"
     else:
@@ -88,8 +98,8 @@ def _pictures_of(pairs: Collection[Pair]) -> tuple[int, ...]:
 def named_pairs(names: Sequence[str], pairs: Sequence[Pair]) -> str:
     """Name pairs by their pictures, a few of them."""
     named = [f"{names[i]} and {names[j]}" for i, j in pairs]
-    if len(named) > _NAMED:
-        named[_NAMED - 1 :] = [f"{len(named) - _NAMED + 1} more pairs"]
+    if len(named) > NAMED:
+        named[NAMED - 1 :] = [f"{len(named) - NAMED + 1} more pairs"]
     return ", ".join(named)
 
 
@@ -191,7 +201,4 @@ def _each(indices: Indices, one: str, several: str) -> str:
 
 def named(pictures: Sequence[Layer], indices: Indices) -> str:
     """Name some pictures, a few of them."""
-    names = [pictures[index].name for index in indices]
-    if len(names) > _NAMED + 1:
-        names[_NAMED:] = [f"{len(names) - _NAMED} more"]
-    return names[0] if len(names) == 1 else f"{names[0]} and {', '.join(names[1:])}"
+    return named_few([pictures[index].name for index in indices])

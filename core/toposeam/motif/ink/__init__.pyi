@@ -1,5 +1,6 @@
-from .mixing import mix
+from .mixing import INKINGS, mix
 from .palettes import PALETTES, Palette, palette
+from .pdf import draw_pdf
 from .printing import MAX_PATTERN, Inked, checked_size
 from .sampling import resample
 from .stroke_edges import EDGES, coverage_beyond, fineness, level, print_layer, stroke_ends
@@ -8,6 +9,7 @@ from .svg import SvgOptions, check_counts, draw_svg
 
 __all__ = [
     "EDGES",
+    "INKINGS",
     "MAX_PATTERN",
     "PALETTES",
     "Inked",
@@ -16,6 +18,7 @@ __all__ = [
     "check_counts",
     "checked_size",
     "coverage_beyond",
+    "draw_pdf",
     "draw_svg",
     "fineness",
     "level",

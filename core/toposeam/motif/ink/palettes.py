@@ -52,6 +52,23 @@ class Palette:
     def __repr__(self) -> str:
         return f"Palette({', '.join(map(to_hex, self.inks))} on {to_hex(self.paper)})"
 
+    def check_layers(self, layers: int) -> None:
+        """Refuse more layers than there are inks.
+
+        Raises
+        ------
+        OptionError
+        """
+        if len(self.inks) < layers:
+            raise OptionError(
+                "the palette has {count} inks for {wanted} layers; use fewer layers or more inks",
+                kind="count",
+                parameter=Term("palette"),
+                value=self,
+                count=len(self.inks),
+                wanted=layers,
+            )
+
 
 def palette(source: str | npt.ArrayLike, n: int) -> Palette:
     """Return a paper and `n` inks.

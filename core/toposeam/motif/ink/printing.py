@@ -40,6 +40,11 @@ class Inked(PictureResult, ABC):
 
     @property
     @abstractmethod
+    def inking(self) -> str:
+        """Kind of the inks, one of `INKINGS`."""
+
+    @property
+    @abstractmethod
     def edges(self) -> tuple[str, ...]:
         """Stroke edges of each layer in print, of `EDGES`."""
 
@@ -104,13 +109,20 @@ class Inked(PictureResult, ABC):
         return self._covered((self.densities.shape[1], self.densities.shape[2]))
 
     def _covered(self, size: tuple[int, int]) -> npt.NDArray[np.float32]:
+        return np.stack([self.coverage_of(index, size) for index in range(len(self.inks))])
+
+    def coverage_of(self, layer: int, size: tuple[int, int] | None = None) -> npt.NDArray[np.float32]:
+        """Compute the coverage by one layer's ink, (H', W') float32 in [0, 1], as :meth:`coverage` does.
+
+        Parameters
+        ----------
+        layer : int
+        size : (rows, columns), optional
+            The cell's own by default.
+        """
         elements = self.densities.shape[1], self.densities.shape[2]
-        return np.stack(
-            [
-                print_layer(partial(self.sampled, index), edge, self.repeat, elements, size, self.ends(index))
-                for index, edge in enumerate(self.edges)
-            ]
-        )
+        sample, edge = partial(self.sampled, layer), self.edges[layer]
+        return print_layer(sample, edge, self.repeat, elements, size or elements, self.ends(layer))
 
     def image(self, size: tuple[int, int] | None = None) -> npt.NDArray[np.float32]:
         """Return the print in colour.
@@ -124,7 +136,7 @@ class Inked(PictureResult, ABC):
         -------
         (H, W, 3) float32 array in [0, 1]
         """
-        return mix(self.coverage(size), self.inks, self.paper)
+        return mix(self.coverage(size), self.inks, self.paper, self.inking)
 
     def to_svg(self, path: str | Path | None = None, *, counts: tuple[float, float] = (1, 1)) -> str:
         """Return the print as an SVG document, and write it if a path is given.

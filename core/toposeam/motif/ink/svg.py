@@ -2,6 +2,7 @@
 
 Each layer is a group that is blended by multiplication. Within a group, areas of higher density lie on those
 of lower density in opaque colours. So only the groups need blending, and editors can recolour each layer.
+A crisp ink has a path for each stroke, so that single ones can be taken.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from toposeam.errors import OptionError, Term
 from toposeam.motif.ink.stroke_edges import SMOOTHING, fineness
 from toposeam.motif.ink.stroke_repair import find_crumbs, find_holes
 from toposeam.motif.symmetry.tiling import extend, period, tile
-from toposeam.vector.contours import MARGIN_PX, contour_beyond
+from toposeam.vector.contours import MARGIN_PX, CurvePath, contour_beyond
 
 #: Largest document, in characters: editors do not open larger ones.
 LARGEST_CHARACTERS = 60_000_000
@@ -48,6 +49,10 @@ class Drawable(Protocol):
     @property
     def repeat(self) -> str:
         """The rule by which it repeats."""
+
+    @property
+    def inking(self) -> str:
+        """Kind of the inks."""
 
     @property
     def edges(self) -> tuple[str, ...]:
@@ -167,8 +172,8 @@ def draw_svg(
     layers = zip(densities, motif.inks, motif.edges, motif.names, strict=True)
     for number, (density, ink, edge, name) in enumerate(layers, 1):
         cell = tile(density, motif.repeat, (down, across))
-        bands = _Bands(edge, motif.ends(number - 1), chosen.levels)
-        groups += _layer(cell, rule, ink, (number, name), bands, fine)
+        bands = Bands(edge, motif.ends(number - 1), chosen.levels)
+        groups += _layer(cell, rule, _Colour(ink, motif.inking), (number, name), bands, fine)
     unit, scale = ("", 1.0) if chosen.width_mm is None else ("mm", chosen.width_mm / width)
     size_x, size_y = width * columns, height * rows
     settings = {**(note or {}), **motif.record}
@@ -223,7 +228,7 @@ def check_counts(counts: tuple[float, float]) -> None:
     check_range(0, 10_000, above=True, rows=rows, columns=columns)
 
 
-class _Bands:
+class Bands:
     """The levels whose contours are drawn, and the tones printed above each."""
 
     def __init__(self, edge: str, ends: tuple[float, np.float32], levels: int) -> None:
@@ -251,10 +256,65 @@ class _Bands:
         return tones
 
 
+class _Colour:
+    """How an ink is drawn: transparent ones multiply, opaque ones cover."""
+
+    def __init__(self, ink: Floats, inking: str) -> None:
+        self._ink, self._opaque = ink, inking == "opaque"
+        self.blend = "normal" if self._opaque else "multiply"
+
+    def fill(self, tone: float, below: float) -> str:
+        """Return the fill of an area of a tone that lies on one of the tone `below`."""
+        if not self._opaque:
+            return f'fill="{to_hex(1.0 - tone * (1.0 - self._ink))}"'
+        left = 1.0 - (1.0 - tone) / max(1.0 - below, 1e-6)
+        cover = "" if tone >= 1.0 else f' fill-opacity="{max(left, 0.0):.4f}"'
+        return f'fill="{to_hex(self._ink)}"{cover}'
+
+
 def _layer(
-    density: npt.NDArray[np.float32], rule: str, ink: Floats, name: tuple[int, str], bands: _Bands, fine: int
+    density: npt.NDArray[np.float32],
+    rule: str,
+    colour: _Colour,
+    name: tuple[int, str],
+    bands: Bands,
+    fine: int,
 ) -> list[str]:
     """Return the lines of one ink's SVG group."""
+    faint, areas = inked_areas(density, rule, bands, fine)
+    lines = [
+        f'<g id="ink-{name[0]}" inkscape:groupmode="layer" inkscape:label="{escape(name[1])}" '
+        f'style="mix-blend-mode:{colour.blend}">'
+    ]
+    if faint > 0:
+        across, down = (side // fine + 2 * MARGIN_PX for side in (density.shape[1], density.shape[0]))
+        lines.append(
+            f'<rect x="{-MARGIN_PX}" y="{-MARGIN_PX}" width="{across}" height="{down}" '
+            f"{colour.fill(faint, 0.0)}/>"
+        )
+    for area in areas:
+        drawn = [f'<path d="{data}"/>' for stroke in area.strokes if (data := stroke.data(1 / fine))]
+        if drawn:
+            lines += [f'<g {colour.fill(area.tone, area.below)} fill-rule="evenodd">', *drawn, "</g>"]
+    return [*lines, "</g>"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class InkedArea:
+    """Where an ink has a tone or a higher one, on an area of the tone `below`."""
+
+    tone: float
+    below: float
+    strokes: list[CurvePath]
+
+
+def inked_areas(
+    density: npt.NDArray[np.float32], rule: str, bands: Bands, fine: int
+) -> tuple[float, list[InkedArea]]:
+    """Return the faint tone below all levels, and the areas of one ink from light to dark.
+
+    Their curves go on for `MARGIN_PX` beyond the cell.
+    """
     blur = int(np.ceil(4 * SMOOTHING * fine))
     wide = extend(density, rule, MARGIN_PX + blur).astype(np.float64)
     inner = slice(blur, len(wide) - blur), slice(blur, wide.shape[1] - blur)
@@ -262,22 +322,12 @@ def _layer(
     if bands.edge != "soft":
         smooth = _without_crumbs(smooth, rule, float(bands.thresholds[0]))
     typical = bands.tones(smooth[MARGIN_PX:-MARGIN_PX, MARGIN_PX:-MARGIN_PX])
-    lines = [
-        f'<g id="ink-{name[0]}" inkscape:groupmode="layer" inkscape:label="{escape(name[1])}" '
-        'style="mix-blend-mode:multiply">'
-    ]
-    if typical[0] > 0:  # the faint tone below the first level
-        across, down = (size // fine + MARGIN_PX for size in (smooth.shape[1], smooth.shape[0]))
-        colour = to_hex(1.0 - typical[0] * (1.0 - ink))
-        lines.append(
-            f'<rect x="{-MARGIN_PX}" y="{-MARGIN_PX}" width="{across}" height="{down}" fill="{colour}"/>'
-        )
+    areas = []
     for level, threshold in enumerate(bands.thresholds, 1):
-        data = contour_beyond(smooth, float(threshold)).data(1 / fine)
-        if data:
-            colour = to_hex(1.0 - typical[level] * (1.0 - ink))
-            lines.append(f'<path fill="{colour}" fill-rule="evenodd" d="{data}"/>')
-    return [*lines, "</g>"]
+        found = contour_beyond(smooth, float(threshold))
+        strokes = found.pieces() if bands.edge == "crisp" else [found]
+        areas.append(InkedArea(float(typical[level]), float(typical[level - 1]), strokes))
+    return float(typical[0]), areas
 
 
 def _without_crumbs(smooth: Floats, rule: str, at: float) -> Floats:

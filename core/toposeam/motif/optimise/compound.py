@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -13,19 +13,19 @@ from toposeam.arrays import Floats
 from toposeam.heat.plate import Plate, Temperature
 from toposeam.heat.threads import one_thread
 from toposeam.motif.ink.sampling import resample
-from toposeam.motif.optimise.conduction import LayerProblem
+from toposeam.motif.optimise.conduction import MIN_DENSITY, LayerProblem
 from toposeam.motif.optimise.layer import (
     ENERGY,
-    MIN_DENSITY,
     TOLERANCE,
     Step,
+    is_balanced,
     plan,
     problem_at,
     refine_density,
     refine_temperature,
     update,
 )
-from toposeam.motif.recipe.recipe import LayerRecipe, Recipe
+from toposeam.motif.recipe.recipe import Recipe
 from toposeam.motif.symmetry.mirrors import Mirrors, mirrors
 from toposeam.motif.symmetry.rules import joint, symmetry
 from toposeam.optimize.oc import OCOptions
@@ -91,14 +91,21 @@ def generate_row(row: list[Member], options: JoinOptions) -> None:
     if len(new) < len(row):
         pairs = [(a, a + 1) for a in range(len(row) - 1) if a in new or a + 1 in new]
     with one_thread():
-        layers = [_optimise(row, pairs, layer, options) for layer in range(len(row[0].recipe.layers))]
+        layers: list[tuple[list[Floats], list[list[Step]]]] = []
+        for layer in range(len(row[0].recipe.layers)):
+            taken = [np.sum([designs[index] for designs, _ in layers], axis=0) for index in range(len(row))]
+            layers.append(_optimise(row, pairs, layer, options, taken if layers else [None] * len(row)))
     for index in new:
         row[index].densities = [designs[index].astype(np.float32) for designs, _ in layers]
         row[index].history = [tuple(steps[index]) for _, steps in layers]
 
 
 def _optimise(
-    row: list[Member], pairs: list[tuple[int, int]], layer: int, options: JoinOptions
+    row: list[Member],
+    pairs: list[tuple[int, int]],
+    layer: int,
+    options: JoinOptions,
+    taken: Sequence[Floats | None],
 ) -> tuple[list[Floats], list[list[Step]]]:
     """Optimise one layer of all members; fixed ones are returned unchanged, without steps.
 
@@ -115,15 +122,18 @@ def _optimise(
 
     In a later stage A and B are fixed and C lies between them: the plates are C, AC and CB, and only C moves.
     """
-    recipes = [member.recipe for member in row]
-    layers = [recipe.layers[layer] for recipe in recipes]
+    recipes = [member.recipe.of_layer(layer) for member in row]
+    layers = [recipe.layers[0] for recipe in recipes]
     new = [index for index, member in enumerate(row) if member.densities is None]
     penalties = [part.penalty for part in layers]
     steps: list[list[Step]] = [[] for _ in row]
     designs: list[Floats] = []
     temperatures: list[Floats | None] = []
     for shape, count in plan(recipes[0]):
-        problems = [problem_at(part, recipe, shape) for part, recipe in zip(layers, recipes, strict=True)]
+        problems = [
+            problem_at(part, recipe, shape, inked)
+            for part, recipe, inked in zip(layers, recipes, taken, strict=True)
+        ]
         plates = [_Plate(problems[index], (index,), 1.0 - options.weight) for index in new]
         plates += [_Plate(_compound(problems[a], problems[b]), (a, b), options.weight) for a, b in pairs]
         plates = [plate for plate in plates if plate.weight > 0]
@@ -145,7 +155,7 @@ def _optimise(
             slopes, found = _slopes(plates, designs, penalties)
             for index in new:
                 steps[index].append(replace(found[index], mass=float(designs[index].mean())))
-            _update_designs(designs, slopes, new, border, layers, recipes[0].move, ring)
+            _update_designs(designs, slopes, new, border, recipes, ring, [one.upper for one in problems])
             options.report()
         temperatures = [plate.temperature for plate in plates]
     return designs, steps
@@ -175,20 +185,23 @@ def _update_designs(
     slopes: list[Floats],
     new: list[int],
     border: Mirrors,
-    layers: list[LayerRecipe],
-    limit: float,
+    recipes: list[Recipe],
     ring: _Ring,
+    free: list[Floats | float],
 ) -> None:
     """Compute the next design of every new member, in place."""
+    limit, layers = recipes[0].move, [recipe.layers[0] for recipe in recipes]
     bounds = OCOptions(move=limit)
+    wash = [layer.edge != "crisp" or not is_balanced(layer, recipes[0]) for layer in layers]
 
     def proposed(lower: Floats | float = MIN_DENSITY, upper: Floats | float = 1.0) -> dict[int, Floats]:
         found = {}
         for index in new:
             before, mass = designs[index], layers[index].mass
-            step = update(before, slopes[index], border.symmetry, mass, bounds, lower, upper)
-            lowest, highest = np.maximum(before - limit, lower), np.minimum(before + limit, upper)
-            found[index] = border.balance(step, mass, lowest, highest, wash=layers[index].edge != "crisp")
+            most = np.minimum(upper, free[index])
+            step = update(before, slopes[index], border.symmetry, mass, bounds, lower, most)
+            lowest, highest = np.maximum(before - limit, lower), np.minimum(before + limit, most)
+            found[index] = border.balance(step, mass, lowest, highest, wash=wash[index])
         return found
 
     found = proposed()
@@ -260,4 +273,6 @@ def _compound(a: LayerProblem, b: LayerProblem) -> LayerProblem:
         symmetry(_COMPOUND_RULE, plate.shape),
         _COMPOUND_RULE,
         a.radius,
+        a.void,
+        1.0,
     )

@@ -27,6 +27,8 @@ from toposeam.motif.recipe.recipe import LayerRecipe, Point, Recipe, unpack_base
 from toposeam.motif.symmetry.rules import Symmetry, joint, symmetry
 from toposeam.motif.symmetry.tiling import extend, shift_of
 
+#: Lowest density: with 0 an element could never gain material again.
+MIN_DENSITY = 1e-3
 #: Conductivity of an empty element as a share of a full one's.
 VOID = 1e-3
 #: Radius of a source or a sink, as a share of the cell's shorter side.
@@ -50,15 +52,40 @@ class LayerProblem:
     repeat: str
     #: The filter's radius, in elements.
     radius: float
+    #: Conductivity ε of an empty element, as a share of a full one's.
+    void: float
+    #: Largest density of an element, (h, w) or one for all.
+    upper: Floats | float
 
     @classmethod
-    def at(cls, layer: LayerRecipe, recipe: Recipe, shape: tuple[int, int]) -> LayerProblem:
-        """Return the layer of a recipe on a plate of the given shape."""
+    def at(
+        cls, layer: LayerRecipe, recipe: Recipe, shape: tuple[int, int], taken: Floats | None = None
+    ) -> LayerProblem:
+        """Return the layer of a recipe on a plate of the given shape; `taken` is the ink before it, (h, w) at
+        full size.
+        """
         orbits = symmetry(recipe.repeat, shape)
         spots = (_spots(points, shape, recipe.repeat) for points in (layer.sources, layer.sinks))
         nominal = cls.nominal_of(recipe.base, recipe.base_strength, recipe.base_law, recipe.repeat, shape)
         plate = Plate(*cls.loads(layer, orbits, nominal, *spots), joint(recipe.repeat))
-        return cls(plate, nominal, orbits, recipe.repeat, filter_radius(recipe, shape))
+        radius, free = filter_radius(recipe, shape), cls.left_free(layer, recipe, shape, taken)
+        return cls(plate, nominal, orbits, recipe.repeat, radius, void_of(layer), free)
+
+    @classmethod
+    def left_free(
+        cls, layer: LayerRecipe, recipe: Recipe, shape: tuple[int, int], taken: Floats | None
+    ) -> Floats | float:
+        """Compute the largest densities: what the layers before have left, as far as this one avoids them."""
+        if taken is None or layer.avoid == 0:
+            return 1.0
+        inked = symmetry(recipe.repeat, shape).mean(cls.reduced(taken, recipe.repeat, shape))
+        left: Floats = np.clip(1.0 - layer.avoid * inked, MIN_DENSITY, 1.0)
+        return left
+
+    @staticmethod
+    def reduced(density: Floats, repeat: str, shape: tuple[int, int]) -> Floats:
+        """Resample a density at full size to a coarser plate."""
+        return resample(density, repeat, shape).astype(np.float64)
 
     @classmethod
     @lru_cache(maxsize=4)
@@ -90,15 +117,15 @@ class LayerProblem:
     def conductivity(self, density: Floats, penalty: Floats | float) -> Floats:
         """Compute k_e (ε + (1 - ε) ρ^p)."""
         k: Floats = power(density, penalty)
-        k *= 1.0 - VOID
-        k += VOID
+        k *= 1.0 - self.void
+        k += self.void
         k *= self.nominal
         return k
 
     def sensitivity(self, density: Floats, penalty: Floats | float, energy: Floats) -> Floats:
         """Compute ∂Π/∂ρ, not filtered."""
         slope: Floats = power(density, penalty - 1.0)
-        slope *= -(1.0 - VOID) * penalty
+        slope *= -(1.0 - self.void) * penalty
         slope *= self.nominal
         slope *= energy
         return slope
@@ -118,6 +145,11 @@ class LayerProblem:
     def refine(self, density: Floats, shape: tuple[int, int]) -> Floats:
         """Resample the densities to a plate of twice the size."""
         return resample(density, self.repeat, shape).astype(np.float64)
+
+
+def void_of(layer: LayerRecipe) -> float:
+    """Return ε of a layer: none in the thesis's law, k^e = k_e ρ^p."""
+    return 0.0 if layer.style == "thesis" else VOID
 
 
 def filter_radius(recipe: Recipe, shape: tuple[int, int]) -> float:

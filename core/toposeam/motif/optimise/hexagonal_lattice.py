@@ -14,7 +14,7 @@ from scipy.ndimage import map_coordinates, spline_filter, uniform_filter1d
 
 from toposeam.arrays import Floats
 from toposeam.heat.plate_triangles import TrianglePlate
-from toposeam.motif.optimise.conduction import SPOT_RADIUS, VOID, LayerProblem, filter_radius, power
+from toposeam.motif.optimise.conduction import SPOT_RADIUS, LayerProblem, filter_radius, power, void_of
 from toposeam.motif.recipe.recipe import LayerRecipe, Point, Recipe
 from toposeam.motif.symmetry.rules import symmetry
 
@@ -34,14 +34,23 @@ class HexagonalProblem(LayerProblem):
     """A layer with densities at nodes; a triangle's density is the mean of its corners'."""
 
     @classmethod
-    def at(cls, layer: LayerRecipe, recipe: Recipe, shape: tuple[int, int]) -> LayerProblem:
-        """Return the layer of a recipe on a cell of the given shape."""
+    def at(
+        cls, layer: LayerRecipe, recipe: Recipe, shape: tuple[int, int], taken: Floats | None = None
+    ) -> LayerProblem:
+        """Return the layer of a recipe on a cell of the given shape; `taken` is the ink before it."""
         orbits = symmetry(recipe.repeat, shape)
         nominal = cls.nominal_of(recipe.base, recipe.base_strength, recipe.base_law, recipe.repeat, shape)
         plate = TrianglePlate(
             *cls.loads(layer, orbits, nominal, _spots(layer.sources, shape), _spots(layer.sinks, shape))
         )
-        return cls(plate, _at_triangles(nominal), orbits, recipe.repeat, filter_radius(recipe, shape))
+        radius, free = filter_radius(recipe, shape), cls.left_free(layer, recipe, shape, taken)
+        return cls(plate, _at_triangles(nominal), orbits, recipe.repeat, radius, void_of(layer), free)
+
+    @staticmethod
+    def reduced(density: Floats, repeat: str, shape: tuple[int, int]) -> Floats:
+        """Take every second, fourth … node."""
+        step = len(density) // shape[0]
+        return density[::step, ::step]
 
     @staticmethod
     def base_on_elements(
@@ -57,7 +66,7 @@ class HexagonalProblem(LayerProblem):
     def sensitivity(self, density: Floats, penalty: Floats | float, energy: Floats) -> Floats:
         """Compute ∂Π/∂ρ of every node: the sum of a third of that of each of its six triangles."""
         slope = power(_at_triangles(density), penalty - 1.0)
-        slope *= -(1.0 - VOID) * penalty / 3
+        slope *= -(1.0 - self.void) * penalty / 3
         slope *= self.nominal
         slope *= energy
         first, second = slope

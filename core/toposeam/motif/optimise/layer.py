@@ -13,15 +13,13 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.arrays import Floats
-from toposeam.motif.optimise.conduction import LayerProblem, filter_radius
+from toposeam.motif.optimise.conduction import MIN_DENSITY, LayerProblem, filter_radius
 from toposeam.motif.optimise.hexagonal_lattice import HexagonalProblem
 from toposeam.motif.recipe.recipe import LayerRecipe, Recipe
 from toposeam.motif.symmetry.mirrors import mirrors
 from toposeam.motif.symmetry.rules import HEXAGONAL, Symmetry, joint
 from toposeam.optimize.oc import OCOptions, oc_step
 
-#: Lowest density: with 0 an element could never gain material again.
-MIN_DENSITY = 1e-3
 #: The solver (see `heat.conjugate`) stops at a residual of `TOLERANCE` times the load or, usually earlier,
 #: once a step gains less than `ENERGY` times the compliance. Designs are as good as those of exact
 #: temperatures, to three digits.
@@ -31,6 +29,9 @@ _MIN_COARSE_SIDE = 48
 #: Least radius of the filter at full size, in elements, for which coarser plates are used: they cannot hold
 #: finer strokes.
 _MIN_COARSE_RADIUS = 2.5
+#: Largest radius of the filter, in hundredths of the cell, at which mirrors are balanced: the factors of rows
+#: would cut wider strokes along straight lines, and these cross mirrors by themselves.
+_MAX_BALANCED_RADIUS = 1.0
 #: Iterations at full size, and on each plate between that and the coarsest.
 _FINEST_ITERATIONS, _MIDDLE_ITERATIONS = 5, 8
 
@@ -78,34 +79,47 @@ def plan(recipe: Recipe) -> list[tuple[tuple[int, int], int]]:
     return [(shape, count) for shape, count in zip(shapes, counts, strict=True) if count]
 
 
-def problem_at(layer: LayerRecipe, recipe: Recipe, shape: tuple[int, int]) -> LayerProblem:
-    """Pose a layer of a recipe on a plate of the given shape."""
+def problem_at(
+    layer: LayerRecipe, recipe: Recipe, shape: tuple[int, int], taken: Floats | None = None
+) -> LayerProblem:
+    """Pose a layer of a recipe on a plate of the given shape; `taken` is the ink before it, at full size."""
     kind = HexagonalProblem if recipe.repeat in HEXAGONAL else LayerProblem
-    return kind.at(layer, recipe, shape)
+    return kind.at(layer, recipe, shape, taken)
+
+
+def is_balanced(layer: LayerRecipe, recipe: Recipe) -> bool:
+    """Test whether a layer's mass is balanced at mirrors."""
+    return layer.style != "thesis" and recipe.filter_radius <= _MAX_BALANCED_RADIUS
 
 
 def optimise_layer(
-    layer: LayerRecipe, recipe: Recipe, progress: Callable[[int], None] | None = None
+    recipe: Recipe,
+    taken: Floats | None = None,
+    progress: Callable[[int, Floats], None] | None = None,
 ) -> tuple[npt.NDArray[np.float32], tuple[Step, ...]]:
-    """Optimise a layer.
+    """Optimise the one layer of a recipe.
 
     Parameters
     ----------
-    layer : LayerRecipe
     recipe : Recipe
+        Of one layer, see :meth:`Recipe.of_layer`.
+    taken : (h, w) float array, optional
+        Ink of the layers before it, which it may avoid.
     progress : callable, optional
-        Called with the number of iterations done.
+        Called with the number of iterations done, and the density after them on its plate.
 
     Returns
     -------
     density : (h, w) float32 array in [0, 1]
     history : tuple of Step
     """
+    layer = recipe.layers[0]
+    balanced = is_balanced(layer, recipe)
     steps: list[Step] = []
     density: Floats | None = None
     temperature: Floats | None = None
     for shape, count in plan(recipe):
-        problem = problem_at(layer, recipe, shape)
+        problem = problem_at(layer, recipe, shape, taken)
         density = (
             np.full(shape, layer.mass) if density is None else refine_density(density, problem, layer.mass)
         )
@@ -130,16 +144,19 @@ def optimise_layer(
             slope = problem.filter_sensitivity(
                 density, problem.sensitivity(density, layer.penalty, state.energy)
             )
-            proposed = update(density, slope, problem.symmetry, layer.mass, OCOptions(move=recipe.move))
-            lowest, highest = (
-                np.maximum(density - recipe.move, MIN_DENSITY),
-                np.minimum(density + recipe.move, 1),
-            )
-            density = mirrors(recipe.repeat, shape).balance(
-                proposed, layer.mass, lowest, highest, wash=layer.edge != "crisp"
-            )
+            options = OCOptions(move=recipe.move)
+            proposed = update(density, slope, problem.symmetry, layer.mass, options, upper=problem.upper)
+            if balanced:
+                lowest, highest = (
+                    np.maximum(density - recipe.move, MIN_DENSITY),
+                    np.minimum(density + recipe.move, problem.upper),
+                )
+                proposed = mirrors(recipe.repeat, shape).balance(
+                    proposed, layer.mass, lowest, highest, wash=layer.edge != "crisp"
+                )
+            density = proposed
             if progress is not None:
-                progress(len(steps))
+                progress(len(steps), density)
     assert density is not None  # noqa: S101
     return density.astype(np.float32), tuple(steps)
 

@@ -17,6 +17,12 @@ _MIN_DISTANCE = 0.7
 #: Least distance of random spots from the border, as a share of the cell: their strokes are the thickest.
 _MARGIN = 0.06
 
+#: Number of random spots from which on they come to the border as well, as empty space there would mark it.
+_MANY = 13
+
+#: Largest height of the waves on which spots lie, as a share of the cell.
+_MAX_HEIGHT = 0.09
+
 #: Largest number of random spots of one layer: the time to place them grows with its square.
 _MAX_POINTS = 200
 
@@ -86,10 +92,11 @@ def _random_places(
 ) -> npt.NDArray[np.float64]:
     """Draw places that keep a distance, also across the border, and avoid blocked parts of a base image."""
     places: list[npt.NDArray[np.float64]] = []
+    margin = _MARGIN if count < _MANY else 0.0
     apart = _MIN_DISTANCE * np.sqrt(aspect / count)
     for _ in range(count):
         for attempt in range(30):
-            place = rng.uniform(_MARGIN, 1 - _MARGIN, 2)
+            place = rng.uniform(margin, 1 - margin, 2)
             gaps = [np.abs(place - other) for other in places]
             wrapped = [np.hypot(min(g[0], 1 - g[0]) * aspect, min(g[1], 1 - g[1])) for g in gaps]
             if (
@@ -101,6 +108,63 @@ def _random_places(
                 break
         places.append(place)
     return np.array(places)
+
+
+def lay_spots(
+    lay: str, rng: np.random.Generator, seed: int, strengths: tuple[float, float], aspect: float
+) -> tuple[tuple[Point, ...], tuple[Point, ...]] | None:
+    """Return sources and sinks on waves or circles; None where they lie anywhere.
+
+    Circles have their centres where those of all layers of a seed do, so that flowers lie in flowers.
+
+    Parameters
+    ----------
+    lay : str
+        One of `LAYS`.
+    rng : Generator
+    seed : int
+        The motif's.
+    strengths : (low, high)
+    aspect : float
+        Width of the cell over its height.
+    """
+    if lay == "anywhere":
+        return None
+    if lay == "circles":
+        common = np.random.default_rng([seed, 103])
+        sources, sinks = [], []
+        for place in _random_places(int(common.integers(1, 4)), common, aspect, None):
+            count, radius = int(rng.integers(7, 15)), float(rng.uniform(0.09, 0.24)) * min(1.0, aspect)
+            angle = 2 * np.pi * (np.arange(count) + rng.random()) / count
+            away = radius * np.column_stack([np.cos(angle) / aspect, np.sin(angle)])
+            sources.append((place + away) % 1)
+            sinks.append(place[np.newaxis])
+        return _with_strengths(sources, rng, strengths), _with_strengths(sinks, rng, strengths)
+    upright, at = rng.random() < 0.5, rng.random()
+    if lay == "sinks on waves":
+        count = int(rng.integers(1, 3))
+        waves = [_wave(int(rng.integers(8, 22)), at + index / count, upright, rng) for index in range(count)]
+        return (), _with_strengths(waves, rng, strengths)
+    first = _wave(int(rng.integers(7, 15)), at, upright, rng)
+    second = _wave(int(rng.integers(5, 12)), at + rng.uniform(0.4, 0.6), upright, rng)
+    return _with_strengths([first], rng, strengths), _with_strengths([second], rng, strengths)
+
+
+def _wave(count: int, at: float, upright: bool, rng: np.random.Generator) -> npt.NDArray[np.float64]:
+    """Return places along a wave from one side of the cell to the other, which goes on beyond it."""
+    along = (np.arange(count) + rng.random()) / count
+    height = float(rng.uniform(0.0, _MAX_HEIGHT))
+    across = at + height * np.sin(2 * np.pi * (int(rng.integers(1, 3)) * along + rng.random()))
+    places = np.column_stack([along, across]) % 1
+    return places[:, ::-1] if upright else places
+
+
+def _with_strengths(
+    places: Sequence[npt.NDArray[np.float64]], rng: np.random.Generator, strengths: tuple[float, float]
+) -> tuple[Point, ...]:
+    together = np.concatenate(places)
+    powers = rng.uniform(*strengths, len(together))
+    return tuple((float(x), float(y), float(s)) for (x, y), s in zip(together, powers, strict=True))
 
 
 def place_around(

@@ -18,7 +18,9 @@ from toposeam.checks import check_choice, check_number, check_pair, check_range,
 from toposeam.colours import LUMA
 from toposeam.errors import OptionError, Term
 from toposeam.images import as_float, in_dtype
+from toposeam.motif.ink.mixing import INKINGS
 from toposeam.motif.ink.stroke_edges import EDGES
+from toposeam.motif.recipe.styles import STYLES
 from toposeam.motif.symmetry.rules import check_repeat
 
 #: x and y in [0, 1] of the cell, and a strength.
@@ -30,6 +32,8 @@ MIN_SIDE, MAX_SIDE = 8, 8192
 #: proportionality, as in the thesis.
 LAWS = ("contrast", "brightness")
 Kind = TypeVar("Kind")
+#: Entries of a layer that older recipes lack, and what they are without.
+_LATER = {"style": "vein", "avoid": 0.0, "iterations": None, "filter_radius": None}
 #: Longer side of a stored base image, px at most, to keep recipes small.
 _MAX_BASE_SIDE = 256
 
@@ -63,6 +67,15 @@ class LayerRecipe:
     edge: str = "soft"
     #: Name of the ink, such as a spot colour's; empty for none.
     name: str = ""
+    #: The style from which the other values were drawn, one of `STYLES`. A layer of style "thesis" is
+    #: optimised and printed as the thesis says, (4.1) to (4.5), without what makes ours robust.
+    style: str = "vein"
+    #: How far the layer keeps out of what the layers before it have inked, 0 to 1: at 1 all densities at a
+    #: place add up to 1 at most.
+    avoid: float = 0.0
+    #: Iterations and filter radius of this layer; None for the recipe's.
+    iterations: int | None = None
+    filter_radius: float | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "ink", _numbers(self.ink, 3, "ink"))
@@ -85,6 +98,12 @@ class LayerRecipe:
             )
         check_range(1, 10, penalty=self.penalty)  # 1 is ink wash
         check_choice("edge", self.edge, EDGES)
+        check_choice("style", self.style, tuple(STYLES))
+        check_range(0, 1, avoid=self.avoid)
+        if self.iterations is not None:
+            check_whole("iterations", self.iterations, 1, 10_000)
+        if self.filter_radius is not None:
+            check_range(0, 10, filter_radius=self.filter_radius)
         if not isinstance(self.name, str) or len(self.name) > 100 or not self.name.isprintable():
             raise OptionError(
                 "the ink's name is {given}; use {allowed}",
@@ -167,6 +186,8 @@ class Recipe:
     base_strength: float = 0.0
     #: Law by which its brightness becomes conductivity, one of `LAWS`.
     base_law: str = "contrast"
+    #: Kind of the inks, one of `INKINGS`: opaque ones cover what lies below, also on dark paper.
+    inking: str = "transparent"
 
     def __repr__(self) -> str:
         rows, columns = self.size
@@ -198,6 +219,7 @@ class Recipe:
         check_range(0, 10, filter_radius=self.filter_radius)  # hundredths of the cell
         check_range(-1, 1, base_strength=self.base_strength)
         check_choice("base_law", self.base_law, LAWS)
+        check_choice("inking", self.inking, INKINGS)
         if not isinstance(self.coarse, bool) or not isinstance(self.base, str):
             name = "base" if isinstance(self.coarse, bool) else "coarse"
             raise OptionError(
@@ -209,12 +231,27 @@ class Recipe:
         if self.base:
             unpack_base(self.base)
 
+    def of_layer(self, index: int) -> Recipe:
+        """Return the recipe of one layer alone, with its own iterations and filter."""
+        layer = self.layers[index]
+        own = {"iterations": layer.iterations, "filter_radius": layer.filter_radius}
+        changed: dict[str, Any] = {name: value for name, value in own.items() if value is not None}
+        if layer.style == "thesis":
+            changed["coarse"] = False
+        return dataclasses.replace(self, layers=(layer,), **changed)
+
     def to_dict(self) -> dict[str, Any]:
-        """Return the recipe as plain lists, numbers and strings, for JSON or TOML."""
+        """Return the recipe as plain lists, numbers and strings, for JSON or TOML.
+
+        Entries that older recipes lack are left out where they have no effect.
+        """
         record = dataclasses.asdict(self)
         record["layers"] = [
-            {name: _plain(value) for name, value in layer.items()} for layer in record["layers"]
+            {name: _plain(value) for name, value in layer.items() if _LATER.get(name, ...) != value}
+            for layer in record["layers"]
         ]
+        if self.inking == INKINGS[0]:
+            del record["inking"]
         return {name: _plain(value) for name, value in record.items()}
 
     @classmethod

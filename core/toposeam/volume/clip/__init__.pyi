@@ -1,5 +1,5 @@
-from .loop import Loop
 from .period import Jump
+from .result import Loop
 from .verdict import LoopVerdict
 from .walk import closed_walk
 

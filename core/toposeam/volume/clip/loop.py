@@ -3,99 +3,43 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from typing import Any, Unpack
+from typing import Unpack
 
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage
 
-from toposeam.arrays import Floats32, Mask, Volume
+from toposeam.arrays import Floats32, Mask
 from toposeam.checks import Seed, check_choice, check_function, check_kind, check_pair, check_whole, seed_of
-from toposeam.display import to_png
 from toposeam.errors import ImageError, OptionError, Term
 from toposeam.heat.threads import one_thread
 from toposeam.images import MAX_PIXELS, as_mask
 from toposeam.seam.problem.match_cost import MatchCost, check_no_reach, match_options
 from toposeam.sentence import counted
-from toposeam.volume.clip.levelling import level_loop, remove_light_difference
-from toposeam.volume.clip.period import (
-    Jump,
-    best_jump,
-    good_jumps,
-    moving_weights,
-    small_frames,
-    small_mask,
-    small_surface,
-)
-from toposeam.volume.clip.verdict import LoopVerdict, step_visibility, verdict_of, worst_squares
+from toposeam.volume.clip.frames import ClipFrames, as_clip, reduced_shares
+from toposeam.volume.clip.levelling import remove_light_difference
+from toposeam.volume.clip.period import Jump, good_jumps, moving_weights, small_mask
+from toposeam.volume.clip.result import Light, Loop, white_of
+from toposeam.volume.clip.survey import Survey, survey_of
+from toposeam.volume.clip.trial import Stretches, Trial, light_of, most_visible, stretches_of
+from toposeam.volume.clip.verdict import LoopVerdict, camera_motion
 from toposeam.volume.clip.walk import closed_walk
 from toposeam.volume.find import find_surface
 from toposeam.volume.heat.method import SurfaceKeywords, SurfaceOptions
-from toposeam.volume.problem.arrays import as_volume
 from toposeam.volume.problem.posing import check_spacing
 from toposeam.volume.surface import Surface
 
-#: Largest number of frames of a clip: the time grows with its square.
-_MAX_FRAMES = 10_000
-#: Largest default number of frames of a transition.
-_MAX_DEFAULT_TRANSITION = 24
-#: Size, px, about, of the small frames on which the need for levelling is tested, and side of the squares.
-_TEST_PIXELS, _TEST_SQUARE = 4000, 4
-#: Least visibility of steps in the worst squares from which a loop is levelled without further trial.
-_VISIBLE_STEPS = 3.0
+#: Least number of frames of a clip, and largest default number of those of a transition.
+_LEAST_FRAMES, _MAX_DEFAULT_TRANSITION = 4, 24
+#: Voxels, about, of a transition on whose squares the surface is found.
+_WORKING_VOXELS = 1_500_000
+#: Gap between cost and bound at which the search for a surface ends, unless options are given.
+_TOLERANCE = 0.01
 #: Number of jumps among which a grown clip chooses.
 _JUMPS = 12
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Loop:
-    """A clip that repeats.
-
-    Examples
-    --------
-    >>> import numpy as np, toposeam as ts
-    >>> frames = np.random.default_rng(0).random((16, 8, 8))
-    >>> made = ts.loop(frames, length=8, transition=2)
-    >>> made.frames.shape, made.source.shape
-    ((8, 8, 8), (8, 8, 8))
-    """
-
-    #: (P, H, W) or (P, H, W, C), of the given clip's dtype; the last frame runs into the first.
-    frames: Volume = field(repr=False)
-    #: (P, H, W) int32: number of the given clip's frame from which each pixel comes.
-    source: npt.NDArray[np.int32] = field(repr=False)
-    #: The jumps back (and forth) in order; a plain loop has one.
-    jumps: tuple[Jump, ...]
-    #: The surface of each jump, along which pixels change from one stretch to the other; axis 0 is time.
-    surfaces: tuple[Surface, ...] = field(repr=False)
-    #: Number of frames of the transition at each jump.
-    transition: int
-    #: Visibility of the changes.
-    verdict: LoopVerdict
-    #: The settings that make the loop again.
-    settings: dict[str, Any] = field(default_factory=dict, repr=False)
-
-    def __repr__(self) -> str:
-        count, height, width = self.source.shape
-        return f"Loop({count} frames of {width} × {height} px, from frame {self.start}, cost {self.cost:.6g})"
-
-    def _repr_png_(self) -> bytes:
-        """Return six frames side by side, for notebooks."""
-        chosen = np.linspace(0, len(self.frames), 6, endpoint=False).astype(int)
-        strip: npt.NDArray[Any] = np.concatenate(list(self.frames[chosen]), axis=1)
-        return to_png(strip)
-
-    @property
-    def start(self) -> int:
-        """Number of the given clip's frame that the first jump enters."""
-        return self.jumps[0].enters
-
-    @property
-    def cost(self) -> float:
-        """Σ M over all surfaces."""
-        return sum(surface.cost for surface in self.surfaces)
+#: Share of the progress that reading the clip takes.
+_SURVEY_SHARE = 0.3
 
 
 def loop(
@@ -119,12 +63,14 @@ def loop(
     """Make a clip repeat without a visible jump.
 
     The function finds two similar moments and joins the stretches at them along a surface in time and space,
-    so that every pixel changes from one to the other when it shows least. Nothing is blended.
+    so that every pixel changes from one to the other when it shows least. Nothing is blended. Of a clip with
+    cuts the longest shot is taken. Of large frames the surface is found on reduced ones.
 
     Parameters
     ----------
     frames : (T, H, W) or (T, H, W, C) array_like
-        The clip.
+        The clip. Arrays that are not NumPy's, but have a shape, a dtype and slices, are read part by part:
+        once from end to end, then the stretches that are joined, and what a loop shows when it is painted.
     length : int or (int, int), optional
         Number of frames that repeat, or its least and greatest value; by default from a third of the clip to
         the largest number that leaves room for the transition.
@@ -176,26 +122,16 @@ def loop(
     (0, (16, 16))
     """
     check_function("progress", progress)
-    clip = as_volume(frames, "frames")
-    flat = np.ndim(frames) == 3
-    count = len(clip)
-    if count < 4:
+    clip, flat = as_clip(frames)
+    count = clip.count
+    if count < _LEAST_FRAMES:
         raise ImageError(
             "the clip has {frames}; a loop needs at least {least}",
             kind="count",
             parameter=Term("frames"),
             frames=counted(count, "frame"),
             count=count,
-            least=4,
-        )
-    if count > _MAX_FRAMES:
-        raise ImageError(
-            "the clip has {count} frames, of which every one is compared with every other; cut it, or take "
-            "fewer frames a second, so that at most {most} are left",
-            kind="count",
-            parameter=Term("frames"),
-            count=count,
-            most=_MAX_FRAMES,
+            least=_LEAST_FRAMES,
         )
     check_choice("level", level, (True, False, None))
     if grow is not None and (length is not None or start is not None):
@@ -214,12 +150,31 @@ def loop(
                 kind="nothing moves",
                 parameter=Term("still"),
             )
-    transition = _transition(transition, count, length)
     if cost is not None:
         check_kind("cost", cost, MatchCost, "a MatchCost")
-    match = check_no_reach(match_options(gradient, cost, "gradient"), "surfaces")
+    match = check_no_reach(match_options(gradient, cost), "surfaces")
     chosen = seed_of(seed)
     spacing = check_spacing(spacing)
+    if start is not None:
+        check_whole("start", start, 0, count - 1)
+    side = _working_side(clip.shape, _transition(transition, count, length, "the clip"))
+    whole = survey_of(clip, side, data_range, _progress_part(progress, 0, _SURVEY_SHARE))
+    shot = _shot(whole, start)
+    survey = whole.part(*shot)
+    count = shot[1] - shot[0]
+    named = "the clip" if count == clip.count else f"the shot of frames {shot[0]} to {shot[1] - 1}"
+    transition = _transition(transition, count, length, named)
+    trial = Trial(survey=survey, transition=transition, moving=moving, cost=match, spacing=spacing)
+    with one_thread():
+        if grow is None:
+            first = None if start is None else start - shot[0]
+            jump, level = trial.choose(*_bounds(length, first, transition, count, named), level)
+            walk = [jump]
+        else:
+            _check_grown(check_whole("grow", grow, 2 * transition, 10**7), clip)
+            found = good_jumps(survey.small, transition, trial.compared, match, spacing, _JUMPS)
+            walk = closed_walk(found, transition, grow, np.random.default_rng(chosen))
+            level = trial.shows(walk[0]) > 1 if level is None else level
     settings = {
         "length": length,
         "start": start,
@@ -227,106 +182,126 @@ def loop(
         "grow": grow,
         "seed": chosen,
         "spacing": spacing,
+        "level": level,
         **dataclasses.asdict(match),
     }
-    small = small_frames(clip, data_range)
-    compared = small_mask(moving, (small.shape[1], small.shape[2]))
-    if not compared.any():
-        compared[:] = True
-    with one_thread():
-        if grow is None:
-            lengths, starts = _bounds(length, start, transition, count)
-            walk = [best_jump(small, transition, lengths, starts, compared, match, spacing)]
-        else:
-            check_whole("grow", grow, 2 * transition, 10**7)
-            if grow * clip[0].size > MAX_PIXELS:
-                raise OptionError(
-                    "{parameter} is {value}, which makes more than {most} million values of this "
-                    "clip; ask for fewer frames, or give a smaller clip",
-                    kind="too large",
-                    parameter=Term("grow"),
-                    value=grow,
-                    most=MAX_PIXELS // 10**6,
-                )
-            found = good_jumps(small, transition, compared, match, spacing, _JUMPS)
-            walk = closed_walk(found, transition, grow, np.random.default_rng(chosen))
+    if options is None and "tolerance" not in given:
+        given["tolerance"] = _TOLERANCE
+    part = ClipFrames(clip.array, shot[0], count)
+    on = _working_mask(moving, side)
     distinct = list(dict.fromkeys(walk))
-    weight = None
-    if still is not None:
-        weight = np.broadcast_to(moving_weights(moving), (transition, *moving.shape))
-
-    def joined(level: bool) -> Loop:
-        surfaces: dict[Jump, Surface] = {}
-        for place, jump in enumerate(distinct):
-            a, b = (clip[first : first + transition] for first in (jump.leaves, jump.enters))
-            surfaces[jump] = find_surface(
-                *(remove_light_difference(a, b, data_range) if level else (a, b)),
-                cost=match,
-                spacing=spacing,
-                weight=weight,
-                data_range=data_range,
-                options=options,
-                progress=_progress_part(progress, place, len(distinct)),
-                **given,
-            )
-        source = _sources(walk, surfaces, transition, moving.shape)
-        if still is not None:
-            source[:, ~moving] = _still_frame(small, source, compared)
-        made = np.take_along_axis(clip, source[..., np.newaxis].astype(np.intp), axis=0)
-        labels = {jump: surface.labels for jump, surface in surfaces.items()}
-        if level:
-            made = level_loop(made, clip, walk, labels, transition, moving)
-        return Loop(
-            frames=made[..., 0] if flat else made,
-            source=source,
-            jumps=tuple(walk),
-            surfaces=tuple(surfaces[jump] for jump in walk),
-            transition=transition,
-            verdict=verdict_of(made, clip, walk, labels, moving, data_range),
-            settings={**settings, "level": level},
+    stretches: dict[Jump, Stretches] = {}
+    surfaces: dict[Jump, Surface] = {}
+    for place, jump in enumerate(distinct):
+        stretches[jump] = stretches_of(
+            lambda first, last: _reduced(part, first, last, side, data_range), jump, transition, count
         )
-
-    if level is not None:
-        return joined(level)
-    if _would_show(clip, distinct, transition, moving, match, spacing, data_range):
-        return joined(True)
-    made = joined(False)
-    if made.verdict.unseen:
+        a, b = stretches[jump].left, stretches[jump].entered
+        surfaces[jump] = find_surface(
+            *(remove_light_difference(a, b) if level else (a, b)),
+            cost=match,
+            spacing=spacing,
+            weight=None if still is None else np.broadcast_to(moving_weights(on), a.shape[:3]),
+            data_range=1.0,
+            options=options,
+            progress=_progress_part(
+                progress,
+                _SURVEY_SHARE + (1 - _SURVEY_SHARE) * place / len(distinct),
+                (1 - _SURVEY_SHARE) / len(distinct),
+            ),
+            **given,
+        )
+    labels = {jump: surface.labels for jump, surface in surfaces.items()}
+    light = light_of(walk, stretches, labels, on) if level else None
+    shows, frame, where = most_visible(walk, stretches, labels, on, light, (survey.low, survey.high), survey)
+    made = Loop(
+        jumps=tuple(
+            dataclasses.replace(jump, leaves=jump.leaves + shot[0], enters=jump.enters + shot[0])
+            for jump in walk
+        ),
+        surfaces=tuple(surfaces[jump] for jump in walk),
+        side=side,
+        transition=transition,
+        shot=shot,
+        verdict=LoopVerdict(
+            shows=shows,
+            frame=frame,
+            where=(int(where[1] * clip.shape[2]), int(where[0] * clip.shape[1])),
+            moved=camera_motion(survey, (clip.shape[1], clip.shape[2])),
+        ),
+        settings=settings,
+        _clip=clip,
+        _flat=flat,
+        _light=None
+        if light is None
+        else Light(
+            added=light[0],
+            side=light[1] * side,
+            low=survey.low,
+            high=survey.high,
+            range_side=side,
+            white=white_of(clip.dtype, data_range),
+        ),
+    )
+    if still is None:
         return made
-    return min(made, joined(True), key=lambda one: one.verdict.shows)
+    used = np.unique(made.source) - shot[0]
+    return dataclasses.replace(made, _moving=moving, _still_frame=shot[0] + trial.still_frame(used.tolist()))
+
+
+def _check_grown(grow: int, clip: ClipFrames) -> None:
+    if grow * math.prod(clip.shape[1:]) > MAX_PIXELS:
+        raise OptionError(
+            "{parameter} is {value}, which makes more than {most} million values of this "
+            "clip; ask for fewer frames, or give a smaller clip",
+            kind="too large",
+            parameter=Term("grow"),
+            value=grow,
+            most=MAX_PIXELS // 10**6,
+        )
 
 
 def _progress_part(
-    progress: Callable[[float], None] | None, place: int, count: int
+    progress: Callable[[float], None] | None, begin: float, length: float
 ) -> Callable[[float], None] | None:
-    return None if progress is None else lambda share: progress((place + share) / count)
+    return None if progress is None else lambda share: progress(begin + length * share)
 
 
-def _would_show(
-    clip: Volume,
-    jumps: Sequence[Jump],
-    transition: int,
-    moving: Mask,
-    match: MatchCost,
-    spacing: Sequence[float],
-    data_range: float | None,
-) -> bool:
-    """Return whether surfaces without levelling would show, tested on small frames."""
-    small = small_frames(clip, data_range, _TEST_PIXELS)
-    on = small_mask(moving, (small.shape[1], small.shape[2]))
-    if not on.any():
-        return False
-    with one_thread():
-        for jump in jumps:
-            _, labels = small_surface(small, jump, transition, on, match, spacing)
-            a, b = (small[first : first + transition] for first in (jump.leaves, jump.enters))
-            made = np.where(labels[..., np.newaxis], b, a)
-            if worst_squares(step_visibility(made, a, b), _TEST_SQUARE, on).max() > _VISIBLE_STEPS:
-                return True
-    return False
+def _working_side(shape: tuple[int, int, int, int], transition: int) -> int:
+    """Return the side of the squares on which surfaces are found."""
+    _, height, width, _ = shape
+    return min(max(1, math.ceil(math.sqrt(transition * height * width / _WORKING_VOXELS))), height, width)
 
 
-def _transition(transition: int | None, count: int, length: int | tuple[int, int] | None) -> int:
+def _working_mask(moving: Mask, side: int) -> Mask:
+    mask = small_mask(moving, (moving.shape[0] // side, moving.shape[1] // side))
+    return mask if mask.any() else np.ones_like(mask)
+
+
+def _reduced(clip: ClipFrames, first: int, last: int, side: int, data_range: float | None) -> Floats32:
+    """Read frames reduced to the working size."""
+    return np.concatenate([reduced_shares(frames, side, data_range) for frames in clip.parts(first, last)])
+
+
+def _shot(survey: Survey, start: int | None) -> tuple[int, int]:
+    """Choose the shot in which the loop stays: the longest one, or that of the first frame."""
+    shots = survey.shots()
+    if start is not None:
+        return next(shot for shot in shots if shot[0] <= start < shot[1])
+    shot = max(shots, key=lambda shot: shot[1] - shot[0])
+    if shot[1] - shot[0] < _LEAST_FRAMES:
+        raise ImageError(
+            "the longest shot of the clip, between cuts, has {frames}; a loop needs at least {least}",
+            kind="count",
+            parameter=Term("frames"),
+            frames=counted(shot[1] - shot[0], "frame"),
+            count=shot[1] - shot[0],
+            least=_LEAST_FRAMES,
+        )
+    return shot
+
+
+def _transition(transition: int | None, count: int, length: int | tuple[int, int] | None, named: str) -> int:
     if transition is None:
         longest = length[-1] if isinstance(length, tuple | list) and length else length
         if not isinstance(longest, int):
@@ -335,12 +310,13 @@ def _transition(transition: int | None, count: int, length: int | tuple[int, int
     check_whole("transition", transition, 2)
     if 2 * transition > count:
         raise OptionError(
-            "{parameter} is {transition} frames, and the clip has {count}: end and beginning "
+            "{parameter} is {transition} frames, and {clip} has {count}: end and beginning "
             "would be the same frames; use at most {most}",
             kind="long transition",
             parameter=Term("transition"),
             value=transition,
             transition=transition,
+            clip=named,
             count=count,
             most=count // 2,
         )
@@ -348,7 +324,7 @@ def _transition(transition: int | None, count: int, length: int | tuple[int, int
 
 
 def _bounds(
-    length: int | tuple[int, int] | None, start: int | None, transition: int, count: int
+    length: int | tuple[int, int] | None, start: int | None, transition: int, count: int, named: str
 ) -> tuple[tuple[int, int], tuple[int, int]]:
     """Return the least and greatest period, and the least and greatest first frame."""
     first = 0 if start is None else check_whole("start", start, 0, count - 1)
@@ -376,10 +352,11 @@ def _bounds(
         )
     if lengths[0] > room:
         raise OptionError(
-            "the clip has {count} frames; from frame {first} on a loop of {length} and a "
+            "{clip} has {count} frames; from its frame {first} on a loop of {length} and a "
             "transition of {transition} do not fit: use a length of at most {most}, or a "
             "shorter transition",
             kind="short clip",
+            clip=named,
             count=count,
             first=first,
             length=lengths[0],
@@ -388,30 +365,3 @@ def _bounds(
         )
     lengths = max(lengths[0], transition), min(lengths[1], room)
     return lengths, ((0, count) if start is None else (start, start))
-
-
-def _sources(
-    walk: list[Jump], surfaces: dict[Jump, Surface], transition: int, shape: tuple[int, ...]
-) -> npt.NDArray[np.int32]:
-    """Return the number of the clip's frame for every pixel of the loop, (P, H, W).
-
-    Each jump is followed by its transition, then by the clip until the next jump.
-    """
-    parts = []
-    step = np.arange(transition, dtype=np.int32)[:, np.newaxis, np.newaxis]
-    for jump, after in zip(walk, [*walk[1:], walk[0]], strict=True):
-        parts.append(np.where(surfaces[jump].labels, jump.enters + step, jump.leaves + step).astype(np.int32))
-        plain = np.arange(jump.enters + transition, after.leaves, dtype=np.int32)
-        parts.append(np.broadcast_to(plain[:, np.newaxis, np.newaxis], (len(plain), *shape)))
-    return np.concatenate(parts)
-
-
-def _still_frame(small: Floats32, source: npt.NDArray[np.int32], moving: Mask) -> int:
-    """Find the frame for still pixels: it differs least from the moving pixels along their border."""
-    border = ndimage.binary_dilation(~moving) & moving
-    if not border.any():
-        border = moving
-    used = np.unique(source)
-    at_border = small[used][:, border]
-    typical = np.median(at_border, axis=0)
-    return int(used[np.abs(at_border - typical).mean(axis=(1, 2)).argmin()])

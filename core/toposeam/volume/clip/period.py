@@ -9,21 +9,20 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from toposeam.arrays import Floats32, Mask, Volume
+from toposeam.arrays import Floats32, Mask
 from toposeam.seam.problem.match_cost import MatchCost
 from toposeam.volume.heat.method import SurfaceOptions, heat_surface
-from toposeam.volume.problem.arrays import as_shares
 from toposeam.volume.problem.posing import surface_problem
 from toposeam.volume.problem.surface_problem import SurfaceProblem
 
-#: Size of the small frames on which moments are compared, px, about.
-_PIXELS = 1500
-#: Largest number of values compared, frames² × px, which reduces the frames of long clips further.
-_MAX_COMPARED = 4e8
 #: Number of the best pairs for which a surface is found on small frames, to compare its cost.
 _FINALISTS = 8
-#: Of loops whose cost exceeds the least by at most this share, the longest is taken.
-_COST_TOLERANCE = 0.1
+#: Of longer loops than these shares of all lengths so many more are joined.
+_LONGER, _LONGER_FINALISTS = (1 / 3, 2 / 3), 2
+#: Of loops whose cost exceeds the least by at most one of these shares, the longest is tried, in this order.
+_EXTRA_COST = (0.5, 0.1, 0.0)
+#: Number of moments up to which all are compared, and of jumps of longer clips that are refined.
+_MOST_MOMENTS, _REFINED = 2000, 60
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,21 +47,6 @@ class Jump:
     def period(self) -> int:
         """Number of frames that repeat if this is the only jump."""
         return self.leaves - self.enters
-
-
-def small_frames(frames: Volume, data_range: float | None, pixels: float = _PIXELS) -> Floats32:
-    """Reduce frames to (T, h, w, C) float32 by means over squares of pixels."""
-    height, width = frames.shape[1:3]
-    pixels = min(pixels, max(100.0, _MAX_COMPARED / len(frames) ** 2))
-    side = max(1, int(np.ceil(np.sqrt(height * width / pixels))))
-    side = min(side, height, width)
-    rows, columns = height // side, width // side
-    result = np.empty((len(frames), rows, columns, frames.shape[3]), np.float32)
-    for index in range(len(frames)):
-        shares = as_shares(frames[index : index + 1], "frames", data_range)[0]
-        squares = shares[: rows * side, : columns * side].reshape(rows, side, columns, side, -1)
-        result[index] = squares.mean(axis=(1, 3))
-    return result
 
 
 def small_mask(mask: Mask, shape: tuple[int, int]) -> Mask:
@@ -93,7 +77,7 @@ def jump_costs(small: Floats32, lag: int, transition: int, moving: Mask) -> npt.
     return scores
 
 
-def best_jump(
+def likely_jumps(
     small: Floats32,
     transition: int,
     lengths: tuple[int, int],
@@ -101,8 +85,10 @@ def best_jump(
     moving: Mask,
     cost: MatchCost,
     spacing: Sequence[float],
-) -> Jump:
-    """Find the jump back by which a clip repeats with the least visible change.
+) -> list[Jump]:
+    """Find jumps back by which a clip repeats with little visible change, in the order in which to try them.
+
+    First come the longest that cost little more than the cheapest, in the end the cheapest.
 
     Parameters
     ----------
@@ -117,18 +103,73 @@ def best_jump(
     spacing : three floats
         As for :func:`toposeam.volume.clip.loop.loop`.
     """
+    found = _all_jumps(small, transition, lengths, starts, moving)
+    distance = max(1, transition // 4)
+    finalists = dict.fromkeys(_distinct(found, _FINALISTS, distance))
+    for share in _LONGER:
+        longer = lengths[0] + share * (lengths[1] - lengths[0])
+        some = [jump for jump in found if jump.period > longer]
+        finalists |= dict.fromkeys(_distinct(some, _LONGER_FINALISTS, distance))
+    joined = [with_surface_cost(small, jump, transition, moving, cost, spacing) for jump in finalists]
+    least = min(jump.cost for jump in joined)
+    order = [
+        max((jump for jump in joined if jump.cost <= (1 + extra) * least), key=lambda jump: jump.period)
+        for extra in _EXTRA_COST
+    ]
+    return list(dict.fromkeys(order))
+
+
+def _all_jumps(
+    small: Floats32, transition: int, lengths: tuple[int, int], starts: tuple[int, int], moving: Mask
+) -> list[Jump]:
+    """Estimate the costs of all jumps back; of long clips of those between some moments, the best refined."""
+    thin = -(-len(small) // _MOST_MOMENTS)
+    if thin > 1:
+        few = _all_jumps(
+            small[::thin],
+            max(2, transition // thin),
+            (-(-lengths[0] // thin), max(-(-lengths[0] // thin), lengths[1] // thin - 1)),
+            (-(-starts[0] // thin), max(-(-starts[0] // thin), starts[1] // thin)),
+            moving,
+        )
+        near = _distinct(few, _REFINED, 1)
+        longest = sorted(near, key=lambda jump: -jump.period)
+        return [
+            best
+            for jump in dict.fromkeys([*near, *longest])
+            if (best := _nearby(small, jump, thin, transition, lengths, starts, moving)) is not None
+        ]
     found: list[Jump] = []
     for period in range(lengths[0], lengths[1] + 1):
         scores = jump_costs(small, period, transition, moving)[starts[0] : starts[1] + 1]
         found += [
             Jump(starts[0] + at + period, starts[0] + at, float(score)) for at, score in enumerate(scores)
         ]
-    finalists = _distinct(found, _FINALISTS, max(1, transition // 4))
-    joined = [with_surface_cost(small, jump, transition, moving, cost, spacing) for jump in finalists]
-    least = min(jump.cost for jump in joined)
-    return max(
-        (jump for jump in joined if jump.cost <= (1 + _COST_TOLERANCE) * least), key=lambda jump: jump.period
-    )
+    return found
+
+
+def _nearby(
+    small: Floats32,
+    jump: Jump,
+    thin: int,
+    transition: int,
+    lengths: tuple[int, int],
+    starts: tuple[int, int],
+    moving: Mask,
+) -> Jump | None:
+    """Find the cheapest jump near one between every `thin`-th frame; None if none is allowed."""
+    best: Jump | None = None
+    for enters in range(thin * (jump.enters - 1), thin * (jump.enters + 1) + 1):
+        for leaves in range(thin * (jump.leaves - 1), thin * (jump.leaves + 1) + 1):
+            fits = lengths[0] <= leaves - enters <= lengths[1] and starts[0] <= enters <= starts[1]
+            if not fits or enters < 0 or leaves + transition > len(small):
+                continue
+            apart = small[leaves : leaves + transition] - small[enters : enters + transition]
+            difference = np.linalg.norm(apart, axis=3)[:, moving]
+            score = float((difference[1:] + difference[:-1]).min(axis=0).mean(dtype=np.float64))
+            if best is None or score < best.cost:
+                best = Jump(leaves, enters, score)
+    return best
 
 
 def with_surface_cost(

@@ -1,15 +1,24 @@
 """Visibility of the jumps of a loop, and the motion of the camera.
 
-Between neighbours in time and space a loop has steps that neither of the two overlapping stretches has. The
-excess of each step is divided by the stretches' own steps round it, as motion and texture hide much, and
-squared. The verdict is the 99th percentile of the means over small squares. In levelled loops the added light
-counts as well, relative to the contrast round it: a form that lies faintly over another one has no steps, but
-is visible.
+Three things are seen of a change from one stretch to another, each computed for every place and frame of the
+transition:
+
+*Steps* between neighbours in time and space that neither of the two stretches has. The excess of each is
+divided by the stretches' own steps round it, as motion and texture hide much, and squared.
+
+*Strange patches*, of which the clip shows nowhere the like: :mod:`toposeam.volume.clip.coherence`.
+
+*Added light* of levelled loops, relative to the contrast round it: a form that lies faintly over another one
+has no steps, but is visible.
+
+What is seen has an extent and a duration. Each of the three is the greatest value that some connected region
+reaches everywhere whose area times duration is at least a fiftieth of a frame: a head for six frames counts,
+a speck does not, however large the rest of the picture may be. The verdict is the largest of the three.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import itertools
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,18 +27,19 @@ import numpy.typing as npt
 from scipy import ndimage
 from skimage.registration import phase_cross_correlation
 
-from toposeam.arrays import Floats32, Mask, Volume
-from toposeam.volume.clip.period import Jump
-from toposeam.volume.problem.arrays import as_shares
+from toposeam.arrays import Floats32, Mask
+from toposeam.volume.clip.coherence import strangeness
+from toposeam.volume.clip.frames import reduced_shares
+from toposeam.volume.clip.survey import Survey, without_slow_light
 
-#: Longer side, px at most, of the reduced frames that are judged.
-_MAX_SIDE = 256
+#: Longer side, px at most, of the reduced frames that are judged, and side of the squares of steps and light.
+_MAX_SIDE, _SQUARE = 256, 4
 #: Steps, and added light, that even surroundings hide, as shares of white: added to the denominators.
 _HIDDEN_STEP, _HIDDEN_LIGHT = 0.02, 0.1
-#: Side of the squares, in reduced px, and the percentile of their means that is the verdict.
-_SQUARE, _WORST_PERCENTILE = 8, 99
-#: Values of steps and of added light that are just visible; the verdict is in these units.
-_VISIBLE_STEPS, _VISIBLE_LIGHT = 2.0, 1.75
+#: Values of steps, strange patches and added light that are just visible; the verdict is in these units.
+_VISIBLE_STEPS, _VISIBLE_STRANGE, _VISIBLE_LIGHT = 5.0, 1.2, 1.75
+#: Least region that is seen: area × duration, as a share of a frame.
+_LEAST_REGION = 0.02
 #: Side, in reduced px, of the window over which contrast is averaged, and its weight against added light.
 _CONTRAST_SIDE, _CONTRAST_WEIGHT = 9, 4.0
 #: Number of pairs of moments, about, by which a motion of the camera is tested.
@@ -53,14 +63,15 @@ class LoopVerdict:
 
     Examples
     --------
-    >>> str(LoopVerdict(shows=0.4, frame=3)), str(LoopVerdict(shows=2.5, frame=12))
-    ('will not be seen', 'look at frame 12')
+    >>> str(LoopVerdict(shows=0.4, frame=3)), str(LoopVerdict(shows=2.5, frame=12, where=(40, 30)))
+    ('will not be seen', 'look at frame 12 at 40,30')
     """
 
-    #: Visibility of the worst hundredth, in units of what is just visible.
+    #: Visibility of the region that shows most, in units of what is just visible.
     shows: float
-    #: Number of the loop's frame with the largest visibility.
+    #: Number of the loop's frame in which it is largest, and its middle there, (x, y) in px.
     frame: int
+    where: tuple[int, int] | None = None
     #: Range, px across and down, over which the whole picture moves in the clip, as by a camera; or None.
     moved: tuple[int, int] | None = None
 
@@ -70,54 +81,113 @@ class LoopVerdict:
         return self.shows <= 1
 
     def __str__(self) -> str:
-        return "will not be seen" if self.unseen else f"look at frame {self.frame}"
+        if self.unseen:
+            return "will not be seen"
+        return f"look at frame {self.frame}" + ("" if self.where is None else " at {},{}".format(*self.where))
 
     def summary(self) -> dict[str, Any]:
         """Return the verdict as values for JSON."""
         return {
             "shows": round(self.shows, 3),
             "look_at_frame": None if self.unseen else self.frame,
+            "look_at": None if self.unseen or self.where is None else list(self.where),
             "camera_moved": None if self.moved is None else list(self.moved),
         }
 
 
-def verdict_of(
-    made: Volume,
-    clip: Volume,
-    jumps: Sequence[Jump],
-    labels: Mapping[Jump, Mask],
-    moving: Mask,
-    data_range: float | None,
-) -> LoopVerdict:
-    """Judge a loop.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Transition:
+    """A transition of a loop on reduced frames, as shares of white."""
 
-    Parameters
-    ----------
-    made, clip : (P, H, W, C) and (T, H, W, C) arrays
-    jumps : sequence of Jump
-        The jumps in order; the first one's transition begins with the loop.
-    labels : mapping from Jump to (D, H, W) bool arrays
-        True where the entered stretch shows, within each transition.
-    moving : (H, W) bool array
-        False on pixels that stand still.
-    data_range : float or None
+    #: (D + 2, h, w, C): the frame before the transition, its D frames and the one after it.
+    made: Floats32
+    #: (D, h, w, C): the stretch that is left and the one that is entered; and where the latter shows.
+    left: Floats32
+    entered: Floats32
+    labels: Mask
+    #: (h, w): False on pixels that stand still.
+    moving: Mask
+    #: Numbers of the survey's frames with which the stretches begin.
+    leaves: int
+    enters: int
+
+
+def judged(transition: Transition, survey: Survey) -> tuple[float, int, tuple[float, float]]:
+    """Judge a transition.
+
+    Returns
+    -------
+    shows : float
+        Its visibility, in units of what is just visible.
+    frame : int
+        Number of the transition's frame in which it is largest.
+    where : (float, float)
+        Row and column of its middle there, as shares of the frame's height and width.
     """
-    side = max(1, -(-max(clip.shape[1:3]) // _MAX_SIDE))
-    shows, worst, at = 0.0, 0, 0
-    judged: dict[Jump, npt.NDArray[np.float64]] = {}
-    for jump, after in zip(jumps, [*jumps[1:], jumps[0]], strict=True):
-        depth = len(labels[jump])
-        if jump not in judged:
-            stretches = (made[at:], clip[jump.leaves :], clip[jump.enters :])
-            there = _reduced(labels[jump][..., np.newaxis].astype(np.float32), side, 1.0)[..., 0] > 0.5
-            one, a, b = (_reduced(values[:depth], side, data_range) for values in stretches)
-            on = _reduced(moving[np.newaxis, ..., np.newaxis].astype(np.float32), side, 1.0)[0, ..., 0]
-            judged[jump] = _frame_visibility(one, a, b, there, on > 0.5)
-        found = judged[jump]
-        if found.max() > shows:
-            shows, worst = float(found.max()), at + int(found.argmax())
-        at += after.leaves - jump.enters
-    return LoopVerdict(shows=shows, frame=worst, moved=camera_motion(clip, data_range))
+    side = min(max(1, -(-max(transition.moving.shape) // _MAX_SIDE)), *transition.moving.shape)
+    made, a, b = (
+        reduced_shares(part, side, None) for part in (transition.made, transition.left, transition.entered)
+    )
+    there, on = (
+        reduced_shares(part[..., np.newaxis].astype(np.float32), side, None)[..., 0] > 0.5
+        for part in (transition.labels, transition.moving[np.newaxis])
+    )
+    now = made[1:-1]
+    steps = _squares(step_visibility(now, a, b) * on)
+    added = _norm(now - np.where(there[..., np.newaxis], b, a))
+    # A reduced pixel that mixes both stretches differs from each.
+    added[ndimage.binary_dilation(there) & ndimage.binary_dilation(~there)] = 0
+    contrast = ndimage.uniform_filter(_steepness(a.mean(axis=3), (1, 2)), (1, _CONTRAST_SIDE, _CONTRAST_SIDE))
+    light = _squares(added / (_CONTRAST_WEIGHT * contrast + _HIDDEN_LIGHT) * on)
+    small = 1 if transition.moving.shape == survey.gray.shape[1:] else survey.middle_side
+    gray = reduced_shares(transition.made, small, None).mean(axis=3)
+    strange = strangeness(without_slow_light(gray), survey.gray, transition.leaves, transition.enters)
+    if not on.all():
+        still = transition.moving[np.newaxis, ..., np.newaxis].astype(np.float32)
+        strange = strange * (reduced_shares(still, small, None)[..., 0] > 0.5)
+    found = [
+        _greatest(values, unit)
+        for values, unit in (
+            (steps, _VISIBLE_STEPS),
+            (strange, _VISIBLE_STRANGE),
+            (light, _VISIBLE_LIGHT),
+        )
+    ]
+    shows, frame, where = max(found)
+    return shows, min(frame, len(a) - 1), where
+
+
+def _greatest(values: Floats32, unit: float) -> tuple[float, int, tuple[float, float]]:
+    """Find the greatest value that a connected region of the least size reaches everywhere, and its place."""
+    least = max(2.0, _LEAST_REGION * values[0].size) if len(values) > 1 else 1.0
+    levels = np.unique(values)
+    low, high = 0, len(levels) - 1
+    while low < high:
+        middle = (low + high + 1) // 2
+        low, high = (middle, high) if _largest(values >= levels[middle])[0] >= least else (low, middle - 1)
+    region = _largest(values >= levels[low])[1]
+    frame = int((values * region).sum(axis=(1, 2)).argmax())
+    rows, columns = np.nonzero(region[frame])
+    where = ((rows.mean() + 0.5) / values.shape[1], (columns.mean() + 0.5) / values.shape[2])
+    return float(levels[low]) / unit, frame, where
+
+
+def _largest(on: Mask) -> tuple[int, Mask]:
+    """Return the size of the largest connected region, and the region."""
+    numbers, _ = ndimage.label(on, np.ones((3, 3, 3)))
+    sizes = np.bincount(numbers.ravel())
+    sizes[0] = 0
+    most = int(sizes.argmax())
+    return int(sizes[most]), numbers == most
+
+
+def _squares(values: Floats32) -> Floats32:
+    """Average (D, h, w) values over squares."""
+    square = min(_SQUARE, *values.shape[1:])
+    height, width = (length // square * square for length in values.shape[1:])
+    parts = values[:, :height, :width].reshape(len(values), height // square, square, width // square, square)
+    means: Floats32 = parts.mean(axis=(2, 4), dtype=np.float32)
+    return means
 
 
 def step_visibility(made: Floats32, a: Floats32, b: Floats32) -> Floats32:
@@ -136,31 +206,23 @@ def step_visibility(made: Floats32, a: Floats32, b: Floats32) -> Floats32:
     return found
 
 
-def worst_squares(values: Floats32, square: int, on: Mask | None = None) -> npt.NDArray[np.float64]:
-    """Compute the value of the worst squares in each frame, (D,), scaled to the 99th percentile of all."""
-    square = min(square, *values.shape[1:])
-    height, width = (length // square * square for length in values.shape[1:])
-    if on is not None:
-        values = values * on
-    squares = values[:, :height, :width].reshape(
-        len(values), height // square, square, width // square, square
-    )
-    means = squares.mean(axis=(2, 4), dtype=np.float64).reshape(len(values), -1)
-    level, top = np.percentile(means, _WORST_PERCENTILE), np.percentile(means, _WORST_PERCENTILE, axis=1)
-    found: npt.NDArray[np.float64] = top * (level / max(float(top.max()), 1e-12))
-    return found
+def camera_motion(survey: Survey, size: tuple[int, int]) -> tuple[int, int] | None:
+    """Measure the range over which the whole picture moves, px across and down; None if it stands still.
 
-
-def camera_motion(clip: Volume, data_range: float | None) -> tuple[int, int] | None:
-    """Measure the range over which the whole picture moves, px across and down; None if it stands still."""
-    side = max(1, -(-max(clip.shape[1:3]) // _MAX_SIDE))
-    if min(clip.shape[1:3]) < _MIN_CAMERA_SIDE:
+    Parameters
+    ----------
+    survey : Survey
+    size : (int, int)
+        Height and width of the clip's frames, px.
+    """
+    if min(size) < _MIN_CAMERA_SIDE:
         return None
-    lag = max(1, len(clip) // _PAIRS)
     still: list[float] = []
     together: list[float] = []
     shifts: list[npt.NDArray[np.float64]] = []
-    for one, other in _pairs(clip, lag, side, data_range):
+    moments = survey.moments[:: max(1, len(survey.moments) // _PAIRS)].astype(np.float32) / 255
+    blurred = [ndimage.gaussian_filter(moment, 1) for moment in moments]
+    for one, other in itertools.pairwise(blurred):
         steep = _steepness(one, (0, 1))
         edges = steep > max(_MIN_STEEPNESS, float(np.quantile(steep, _EDGE_QUANTILE)))
         if edges.any():
@@ -175,49 +237,12 @@ def camera_motion(clip: Volume, data_range: float | None) -> tuple[int, int] | N
     if stands > _FEWEST_STILL and (stands > _FEW_STILL or shifted < _MIN_SHIFT_GAIN * stands):
         return None
     path = np.cumsum([np.zeros(2), *shifts], axis=0)
-    far = np.ptp(path, axis=0) / (np.array(clip.shape[1:3]) / side)
+    side = survey.moment_side
+    far = np.ptp(path, axis=0) / (np.array(size) / side)
     if (np.abs(shifts).max(axis=1) >= 1).mean() < _MIN_SHIFTED or far.max() < _MIN_MOTION:
         return None
     down, right = (side * np.ptp(path, axis=0)).round().astype(int).tolist()
     return right, down
-
-
-def _pairs(
-    clip: Volume, lag: int, side: int, data_range: float | None
-) -> Iterator[tuple[Floats32, Floats32]]:
-    """Yield pairs of moments `lag` frames apart, as gray, reduced and slightly blurred frames."""
-    before: Floats32 | None = None
-    for first in range(0, len(clip), lag):
-        gray = _reduced(clip[first : first + 1], side, data_range)[0].mean(axis=2)
-        after: Floats32 = ndimage.gaussian_filter(gray, 1)
-        if before is not None:
-            yield before, after
-        before = after
-
-
-def _frame_visibility(
-    made: Floats32, a: Floats32, b: Floats32, there: Mask, on: Mask
-) -> npt.NDArray[np.float64]:
-    """Compute the visibility of each frame of a transition, in units of what is just visible."""
-    seen = worst_squares(step_visibility(made, a, b), _SQUARE, on) / _VISIBLE_STEPS
-    added = _norm(made - np.where(there[..., np.newaxis], b, a))
-    # A reduced pixel that mixes both stretches differs from each.
-    added[ndimage.binary_dilation(there) & ndimage.binary_dilation(~there)] = 0
-    contrast = _steepness(a.mean(axis=3), (1, 2))
-    around = ndimage.uniform_filter(contrast, (1, _CONTRAST_SIDE, _CONTRAST_SIDE))
-    light = worst_squares(added / (_CONTRAST_WEIGHT * around + _HIDDEN_LIGHT), _SQUARE, on) / _VISIBLE_LIGHT
-    return np.maximum(seen, light)
-
-
-def _reduced(values: Volume, side: int, data_range: float | None) -> Floats32:
-    """Reduce frames by means over squares of pixels, as shares of white."""
-    shares = as_shares(values, "frames", data_range)
-    height, width = (length // side * side for length in shares.shape[1:3])
-    squares = shares[:, :height, :width].reshape(
-        len(shares), height // side, side, width // side, side, shares.shape[3]
-    )
-    result: Floats32 = squares.mean(axis=(2, 4), dtype=np.float32)
-    return result
 
 
 def _steepness(gray: Floats32, axes: tuple[int, int]) -> Floats32:

@@ -1,5 +1,7 @@
 """Meshes: transforms that bend, the lines that they keep, and two planes that they bring together."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from skimage import data
@@ -37,8 +39,10 @@ def test_displacements_are_those_of_a_spline():
     """Equal coefficients displace all alike, and linear ones linearly."""
     rows, columns = mesh(0).coefficients.shape[:2]
     down, across = np.meshgrid(np.arange(rows), np.arange(columns), indexing="ij")
-    one = MeshTransform(similarity((0, 0)), SIZE, 32.0, np.stack([across - 1.0, 2 * (down - 1.0)], axis=-1))
-    assert one.shift(grid()) == pytest.approx(grid() / 32 * [1, 2])
+    across, down = across - (columns - 1) / 2, down - (rows - 1) / 2
+    one = MeshTransform(similarity((0, 0)), SIZE, 32.0, np.stack([across, 2 * down], axis=-1))
+    middle = (np.array(SIZE) - 1) / 2
+    assert one.shift(grid()) == pytest.approx((grid() - middle) / 32 * [1, 2])
 
 
 def test_beyond_a_picture_a_mesh_goes_on():
@@ -174,3 +178,16 @@ def test_placing_bends_unless_a_model_is_asked_for(walked):
     assert asked.bent == 0
     costs = [ts.stitch(one.layers, match_shading=True, blend="multiband").cost for one in (found, asked)]
     assert costs[0] < 0.6 * costs[1]
+
+
+@pytest.mark.medium
+@pytest.mark.parametrize("quarters", [1, 2, 3])
+def test_a_picture_that_lies_turned_is_bent_as_it_is_upright(walked, quarters):
+    views, _ = walked
+    plain = ts.find_places(views)
+    turned = dataclasses.replace(views[1], image=np.rot90(views[1].image, quarters))
+    found = ts.find_places([views[0], turned])
+    assert found.bent == plain.bent > 3
+    for one, other in zip(found.layers, plain.layers, strict=True):
+        assert one.at == other.at
+        np.testing.assert_array_equal(one.image, other.image)

@@ -5,7 +5,7 @@ import pytest
 
 import toposeam as ts
 from toposeam.layers.canvas import inside
-from toposeam.layers.registration.given_points import matches_of
+from toposeam.layers.registration import matches_of
 
 SIZES = [(120, 80), (120, 80), (60, 90)]
 #: Of a picture that lies 70 px to the right of the other and 4 px higher.

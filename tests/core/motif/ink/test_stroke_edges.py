@@ -9,7 +9,7 @@ from skimage import measure
 
 import toposeam as ts
 from toposeam.motif.ink import EDGES, coverage_beyond, level, stroke_ends
-from toposeam.motif.ink.svg import _Bands
+from toposeam.motif.ink.svg import Bands
 
 
 def disc(size, radius, hazy=1.5):
@@ -133,17 +133,17 @@ def test_pixels_and_drawing_are_the_same_contours(repeat, edge):
 
 def test_drawing_levels_are_midway_between_adjacent_densities():
     density = disc(64, 16)
-    assert _Bands("soft", (0.0, np.float32(1)), 4).thresholds == pytest.approx([1 / 8, 3 / 8, 5 / 8, 7 / 8])
+    assert Bands("soft", (0.0, np.float32(1)), 4).thresholds == pytest.approx([1 / 8, 3 / 8, 5 / 8, 7 / 8])
     at, gain = stroke_ends([density], "ink", "translate", 2)
     edge, gain_of_crisp = stroke_ends([density], "crisp", "translate", 2)
-    assert _Bands("crisp", (edge, gain_of_crisp), 4).thresholds == pytest.approx([edge])
+    assert Bands("crisp", (edge, gain_of_crisp), 4).thresholds == pytest.approx([edge])
     # Ink begins at the stroke's edge; inside it levels part what is printed, the density times the gain.
-    ink = _Bands("ink", (at, gain), 4)
+    ink = Bands("ink", (at, gain), 4)
     print_layer = [t / gain for t in (1 / 8, 3 / 8, 5 / 8, 7 / 8)]
     assert ink.thresholds == pytest.approx([at, *(t for t in print_layer if t >= at)])
     assert len(ink.thresholds) < 5  # one of them would lie in the haze beside the stroke
     assert ink.tones(density.astype(float))[0] == 0
-    assert 0 < _Bands("soft", (0.0, np.float32(1)), 4).tones(density.astype(float))[0] < 1 / 8
+    assert 0 < Bands("soft", (0.0, np.float32(1)), 4).tones(density.astype(float))[0] < 1 / 8
 
 
 def test_haze_is_drawn_between_soft_strokes_only():

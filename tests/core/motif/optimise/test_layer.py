@@ -47,7 +47,7 @@ def test_sensitivities_are_the_derivatives_of_the_compliance(repeat, penalty):
 @pytest.mark.parametrize("repeat", ["none", "translate", "rotate", "p4m", "p6"])
 def test_compliance_falls_after_the_first_iterations(repeat):
     recipe = _recipe(64, repeat=repeat, coarse=False, filter_radius=0, penalty=3.0)
-    _, steps = optimise_layer(recipe.layers[0], recipe)
+    _, steps = optimise_layer(recipe.of_layer(0))
     compliance = np.array([step.compliance for step in steps])
     # The compliance of a state solved to 1e-3 is known to about 1e-6. What rows at mirrors must hold is what
     # those beyond them hold, which changes: that may cost a little.
@@ -65,7 +65,7 @@ def test_designs_are_as_good_as_with_exact_temperatures(repeat, monkeypatch):
     for tolerance, energy in ((layer.TOLERANCE, layer.ENERGY), (1e-8, 0.0)):
         monkeypatch.setattr(layer, "TOLERANCE", tolerance)
         monkeypatch.setattr(layer, "ENERGY", energy)
-        density, steps = optimise_layer(recipe.layers[0], recipe)
+        density, steps = optimise_layer(recipe.of_layer(0))
         k = at_size.conductivity(density.astype(float), recipe.layers[0].penalty)
         values.append(at_size.plate.solve(k, **EXACT).compliance)
         effort.append(sum(step.solver for step in steps))
@@ -84,7 +84,7 @@ def test_layers_share_what_the_base_image_makes_of_a_plate():
 @pytest.mark.parametrize("mass", [0.05, 0.3, 0.7])
 def test_the_mass_is_what_was_allowed(mass):
     recipe = _recipe(64, repeat="translate", mass=mass)
-    density, steps = optimise_layer(recipe.layers[0], recipe)
+    density, steps = optimise_layer(recipe.of_layer(0))
     assert density.mean() == pytest.approx(mass, abs=1e-3)
     assert all(step.mass == pytest.approx(mass, abs=1e-3) for step in steps)
 
@@ -142,7 +142,7 @@ def test_coarse_plates_reach_the_compliance_of_full_ones(repeat):
     at_size = problem_at(recipe.layers[0], recipe, recipe.size)
     values = []
     for one in (recipe, replace(recipe, coarse=False)):
-        density, steps = optimise_layer(one.layers[0], one)
+        density, steps = optimise_layer(one.of_layer(0))
         assert len(steps) == 40
         k = at_size.conductivity(density.astype(float), recipe.layers[0].penalty)
         values.append(at_size.plate.solve(k, tolerance=1e-6, max_iterations=300).compliance)

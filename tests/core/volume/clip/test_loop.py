@@ -7,7 +7,9 @@ from scipy import ndimage
 import toposeam as ts
 from toposeam.volume.clip import Jump, LoopVerdict, closed_walk
 from toposeam.volume.clip import walk as walks
-from toposeam.volume.clip.period import jump_costs, small_frames, small_mask
+from toposeam.volume.clip.frames import as_clip
+from toposeam.volume.clip.period import jump_costs, small_mask
+from toposeam.volume.clip.survey import survey_of
 from toposeam.volume.clip.walk import walk_length
 
 
@@ -30,11 +32,16 @@ def test_frames_are_compared_by_means_over_squares():
     frames = np.zeros((2, 80, 81, 1), np.uint8)
     frames[0, ::2] = 255  # every other row
     frames[1, :, :27] = 255
-    small = small_frames(frames, None)
+    small = survey_of(as_clip(frames)[0], 1, None, None).small
     assert small.shape == (2, 26, 27, 1)  # squares of 3 px, so that about 1500 are left at most
     assert small[0, :2, 0, 0].tolist() == pytest.approx([2 / 3, 1 / 3])
     long = np.zeros((1000, 60, 60, 1), np.uint8)
-    assert small_frames(long, None).shape == (1000, 20, 20, 1)  # 400 px, as there are a million pairs
+    assert survey_of(as_clip(long)[0], 1, None, None).small.shape == (
+        1000,
+        20,
+        20,
+        1,
+    )  # 400 px, as there are a million pairs
     assert small[1, :, :9] == pytest.approx(1.0)
     assert small[1, :, 9:] == pytest.approx(0.0)
     mask = np.zeros((80, 81), bool)
@@ -113,7 +120,8 @@ def test_clouds_are_levelled_by_themselves_and_a_wheel_is_not():
     assert made.verdict.unseen
     hard = ts.loop(clouds(48), level=False)
     assert not hard.verdict.unseen
-    assert str(hard.verdict) == f"look at frame {hard.verdict.frame}"
+    x, y = hard.verdict.where
+    assert str(hard.verdict) == f"look at frame {hard.verdict.frame} at {x},{y}"
     assert hard.verdict.summary()["look_at_frame"] < hard.transition
     wheel = ts.loop(turning(40, 13))
     assert wheel.settings["level"] is False
@@ -167,11 +175,16 @@ def test_a_verdict_says_how_much_shows_and_in_which_frame():
 
 
 def test_a_verdict_counts_as_unseen_up_to_what_is_just_seen():
-    just, more = LoopVerdict(shows=1.0, frame=3), LoopVerdict(shows=1.2345, frame=3, moved=(7, 2))
+    just, more = (
+        LoopVerdict(shows=1.0, frame=3),
+        LoopVerdict(shows=1.2345, frame=3, where=(40, 30), moved=(7, 2)),
+    )
     assert just.unseen
-    assert just.summary() == {"shows": 1.0, "look_at_frame": None, "camera_moved": None}
+    nowhere = {"look_at_frame": None, "look_at": None}
+    assert just.summary() == {"shows": 1.0, **nowhere, "camera_moved": None}
     assert not more.unseen
-    assert more.summary() == {"shows": 1.234, "look_at_frame": 3, "camera_moved": [7, 2]}
+    there = {"look_at_frame": 3, "look_at": [40, 30]}
+    assert more.summary() == {"shows": 1.234, **there, "camera_moved": [7, 2]}
 
 
 def test_what_is_to_stand_still_does():
@@ -314,3 +327,94 @@ def test_a_walk_prefers_cheap_jumps_at_any_cost_scale():
     assert walks[0] == walks[1] == walks[2]
     # Each is taken in its turn: what was taken less often comes first, and then what is cheaper.
     assert walks[1].count(30) >= walks[1].count(25) >= walks[1].count(38) > len(walks[1]) / 4
+
+
+class Read:
+    """A clip that is read by slices only, and remembers which."""
+
+    def __init__(self, frames):
+        self._frames = frames
+        self.shape, self.dtype = frames.shape, frames.dtype
+        self.read = []
+
+    def __getitem__(self, part):
+        self.read.append((part.start, part.stop))
+        return self._frames[part]
+
+
+@pytest.mark.parametrize("level", [False, True])
+def test_a_clip_is_read_part_by_part(level):
+    clip = np.rint(drifting(40)[..., None] * (255, 200, 100)).astype(np.uint8)
+    lazy = Read(clip)
+    made, whole = (ts.loop(one, level=level, transition=6) for one in (lazy, clip))
+    (jump,) = made.jumps
+    assert lazy.read[0] == (0, 40)
+    stretches = [(jump.leaves - 1, jump.leaves + 6), (jump.enters, jump.enters + 7)]
+    assert lazy.read[1:] == stretches  # it is not painted yet
+    np.testing.assert_array_equal(np.concatenate(list(made.blocks())), whole.frames)
+
+
+def ball(frames=60, size=(60, 90)):
+    """A ball that crosses the picture once: no two moments are alike."""
+    rng = np.random.default_rng(0)
+    ground = 0.4 + 0.1 * ndimage.gaussian_filter(rng.standard_normal(size), 3, mode="wrap")
+    y, x = np.indices(size)
+    clip = []
+    for t in range(frames):
+        there = (x - 10 - 1.2 * t) ** 2 + (y - 30 - 8 * np.sin(t / 9)) ** 2 < 81
+        clip.append(np.where(there, 0.9, ground + 0.01 * rng.standard_normal(size)))
+    return np.stack(clip).astype(np.float32)
+
+
+def test_a_thing_that_is_cut_or_doubled_for_some_frames_is_seen():
+    verdict = ts.loop(ball()).verdict
+    assert not verdict.unseen
+    assert verdict.frame < 15
+
+
+def test_of_a_clip_with_cuts_the_longest_shot_is_taken():
+    shots = turning(20, 9), 4 + turning(40, 13), 8 + turning(16, 7)
+    clip = 0.1 * np.concatenate(shots)
+    made = ts.loop(clip)
+    assert made.shot == (20, 60)
+    assert len(made.frames) in (13, 26)
+    assert made.source.min() >= 20
+    assert made.source.max() < 60
+    assert ts.loop(clip, start=2, length=9, transition=3).shot == (0, 20)
+    with pytest.raises(ts.OptionError, match="the shot of frames 20 to 59 has 40"):
+        ts.loop(clip, transition=21)
+
+
+def test_large_frames_are_joined_on_squares(monkeypatch):
+    """Every pixel still goes on by one frame, or by the jump; what is levelled has no step at the surface."""
+    monkeypatch.setattr("toposeam.volume.clip.loop._WORKING_VOXELS", 4000)
+    clip = drifting(40, (40, 56))
+    made = ts.loop(clip, transition=8, level=False)
+    assert made.side > 1
+    step = np.diff(np.concatenate([made.source, made.source[:1]]), axis=0)
+    assert set(np.unique(step)) <= {1, 1 - made.jumps[0].period, 1 + made.jumps[0].period}
+    np.testing.assert_array_equal(made.frames, np.take_along_axis(clip, made.source.astype(int), 0))
+    soft = clouds(48)
+    hard, even = (ts.loop(soft, length=24, start=0, transition=12, level=level) for level in (False, True))
+    assert even.side > 1
+    steps = [np.abs(np.diff(frames, axis=0)).max() for frames in (hard.frames, soft, even.frames)]
+    assert steps[0] > 3 * steps[1]  # else this clip tells nothing
+    assert steps[2] < 1.3 * steps[1]
+
+
+@pytest.mark.medium
+def test_of_long_clips_a_period_is_found_between_some_moments():
+    y, x = np.indices((8, 8)) - 3.5
+    rng = np.random.default_rng(0)
+    turn = np.cumsum(rng.uniform(0.02, 0.2, 4500))
+    turn[3700:] = turn[700 : 700 + 800]  # comes back once, 3000 frames later
+    clip = 0.5 + 0.4 * np.cos(np.arctan2(y, x) - turn[:, None, None]).astype(np.float32)
+    clip += 0.3 * np.sin(turn / 40)[:, None, None].astype(np.float32)
+    made = ts.loop(clip, transition=6)
+    assert made.verdict.unseen
+
+
+@pytest.mark.parametrize("size", [(1, 300), (300, 1), (1, 1), (2, 513)])
+def test_thin_frames_are_looped(size):
+    made = ts.loop(np.random.default_rng(0).random((12, *size)))
+    assert made.frames.shape[1:] == size

@@ -15,11 +15,12 @@ from click.core import ParameterSource
 
 import toposeam as ts
 from toposeam.layers.canvas.canvas import extent_of
+from toposeam.layers.canvas.transforms import similarity
 from toposeam.layers.execution.tasks import Executor
 from toposeam.layers.registration.placement import VISIBLE_PX, Residual, large_canvas
 from toposeam.sentence import counted, printable
 from toposeam_cli.media.pictures.lens import equivalent_mm
-from toposeam_cli.stitching.inputs import PlacedPictures
+from toposeam_cli.stitching.inputs import PlacedPictures, fitted_transforms
 from toposeam_cli.stitching.outputs import Outputs
 from toposeam_cli.stitching.rendering import Rendered
 from toposeam_cli.stitching.search_options import correlations
@@ -172,8 +173,7 @@ def documents_of(
     """Return the documents of a result, by their files: seams, history and page."""
     composed, documents = rendered.composition, dict[Path, bytes]()
     if out.seam is not None:
-        one = composed.seams[0] if len(job.layers) == 2 and not job.stored else composed
-        documents[out.seam] = one.to_svg().encode()
+        documents[out.seam] = composed.to_svg().encode()
     if out.history is not None:
         from toposeam_cli.figures.search import draw_search
 
@@ -242,13 +242,16 @@ def misfits(job: PlacedPictures, at: tuple[int, int] | None) -> list[str]:
     placement = job.placement
     if placement is None:
         return []
-    left, top = np.array(extent_of(job.layers).origin) + (at or (0, 0))
+    corner = np.array(extent_of(job.layers).origin) + (at or (0, 0))
     worst = placement.misfits
-    sentences = [
-        f"up to {residual.farthest:.0f} px are left between {job.layers[i].name} and {job.layers[j].name} "
-        f"near {residual.near[0] - left:.0f},{residual.near[1] - top:.0f}; look whether the seam runs there"
-        for (i, j), residual in worst[:_MOST_NAMED]
-    ]
+    (bent,) = fitted_transforms([similarity((0, 0))], job.boundary, job.wrap)
+    sentences = []
+    for (i, j), residual in worst[:_MOST_NAMED]:
+        ((x, y),) = bent.to_canvas(np.array([residual.near])) - corner
+        sentences.append(
+            f"up to {residual.farthest:.0f} px are left between {job.layers[i].name} and "
+            f"{job.layers[j].name} near {x:.0f},{y:.0f}; look whether the seam runs there"
+        )
     more = len(worst) - _MOST_NAMED
     if more > 0:
         sentences.append(f"more than {VISIBLE_PX:g} px are left in {more} more pairs")

@@ -10,7 +10,7 @@ import math
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 from typing import Any
 
@@ -69,6 +69,7 @@ def write_svg(
     height: int,
     metadata: Mapping[str, Any],
     names: Sequence[str] | None = None,
+    origin: tuple[float, float] = (0.0, 0.0),
 ) -> str:
     """Write an SVG document of one path per line, with the settings as JSON in ``<metadata>``.
 
@@ -82,6 +83,9 @@ def write_svg(
         Anything JSON can hold, NumPy scalars and arrays too.
     names : sequence of str, optional
         One per line, by default "seam 1", "seam 2" and so on. White space is collapsed, as XML does.
+    origin : (float, float)
+        x and y of the picture's upper left corner, px: the ``viewBox`` begins there. If the settings have a
+        `canvas`, its width and height, the lines are those of the canvas, and are read as such.
 
     Returns
     -------
@@ -120,9 +124,10 @@ def write_svg(
             reason=str(error),
             allowed="numbers, texts, lists and mappings",
         ) from error
+    corner = " ".join(map(_number, origin))
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',
-        f'<svg xmlns="{NAMESPACE}" width="{_number(width)}" height="{_number(height)}" viewBox="0 0 '
+        f'<svg xmlns="{NAMESPACE}" width="{_number(width)}" height="{_number(height)}" viewBox="{corner} '
         f'{_number(width)} {_number(height)}">',
         f'  <metadata id="toposeam">{escape(settings, quote=False)}</metadata>',
     ]
@@ -153,6 +158,8 @@ def read_svg(source: str | bytes | os.PathLike[str], *, size: tuple[int, int] | 
     One px is 1/96 inch, as SVG has it, with one exception: a document whose width is given in physical units
     and whose viewBox counts something else is taken to count pixels in the viewBox. GIMP writes such
     documents, at the picture's own resolution.
+
+    A document of a part of a canvas (:meth:`toposeam.layers.Composition.to_svg`) is one of the canvas.
 
     Parameters
     ----------
@@ -202,7 +209,22 @@ def read_svg(source: str | bytes | os.PathLike[str], *, size: tuple[int, int] | 
             "the document has no visible path; draw one, or export the path itself, not only the picture",
             kind="no path",
         )
-    return SvgSeam(tuple(polylines), width, height, settings_of(root), tuple(names))
+    settings = settings_of(root)
+    if size is None and (canvas := _canvas_of(settings)) is not None:
+        corner = -to_px[:2, 2]
+        polylines = [replace(line, points=line.points + corner) for line in polylines]
+        width, height = canvas
+    return SvgSeam(tuple(polylines), width, height, settings, tuple(names))
+
+
+def _canvas_of(settings: Mapping[str, Any] | None) -> tuple[float, float] | None:
+    """Return width and height of the canvas that settings name, px; None where they name none."""
+    stated = (settings or {}).get("canvas")
+    if not (isinstance(stated, list) and len(stated) == 2):
+        return None
+    if not all(isinstance(side, int) and 0 < side <= LARGEST_PX for side in stated):
+        return None
+    return float(stated[0]), float(stated[1])
 
 
 def read_metadata(source: str | bytes | os.PathLike[str]) -> dict[str, Any] | None:

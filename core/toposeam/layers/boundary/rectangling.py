@@ -31,7 +31,7 @@ _OVER = 1.8
 #: Largest logarithm of a singular value, where there is texture and where it is plain.
 _STRETCH, _PLAIN_STRETCH = 0.066, 0.14
 #: Greatest turn, degrees: anywhere, of lines, and of lines within so many degrees of an axis.
-_TURN, _AXIS_TURN, _NEAR_AXIS = 2.5, 1.0, 14.0
+_TURN, _AXIS_TURN, _NEAR_AXIS = 1.2, 1.0, 14.0
 #: Weights: of a Jacobian with bounds, of one with the identity, where nothing shows; of a border point; of a
 #: point of a line, and of one near an axis.
 _BOUND, _STILL, _NOWHERE, _PULL, _LINE, _AXIS = 20.0, 0.5, 0.02, 1.0, 14.0, 50.0

@@ -281,8 +281,8 @@ class Composition(PictureResult):
         return summary_of(self, optima=optima)
 
     def to_svg(self, path: str | Path | None = None) -> str:
-        """Return all seams as one SVG document of the canvas; each path has the names of its two layers, as
-        ``"first.png : second.png"``.
+        """Return all seams as one SVG document that lies on the picture; each path has the names of its two
+        layers, as ``"first.png : second.png"``. Its coordinates are those of the canvas.
 
         Parameters
         ----------
@@ -291,7 +291,7 @@ class Composition(PictureResult):
         """
         from toposeam.layers.composite.summary import seams_svg
 
-        text = seams_svg(self.outlines, self.names, self.canvas.shape, self.rounds)
+        text = seams_svg(self.outlines, self.names, self.canvas.box, self.view, self.rounds)
         if path is not None:
             from toposeam.saving import save
 

@@ -29,6 +29,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from toposeam.layers.canvas.layer import Box
 from toposeam.layers.composite.seams import SeamOutline
 from toposeam.vector.svg import write_svg
 
@@ -97,8 +98,8 @@ def pair_name(first: str, second: str) -> str:
     return " ".join(f"{first} : {second}".split())
 
 
-def seams_svg(seams: Sequence[SeamOutline], names: Sequence[str], shape: tuple[int, int], rounds: int) -> str:
-    """Return the seams between layers as one SVG document of the canvas's height and width."""
+def seams_svg(seams: Sequence[SeamOutline], names: Sequence[str], canvas: Box, view: Box, rounds: int) -> str:
+    """Return the seams between layers as one SVG document, which shows a view of the canvas."""
     lines = [
         (line, pair_name(names[i], names[j])) for seam in seams for i, j in [seam.pair] for line in seam.paths
     ]
@@ -110,5 +111,8 @@ def seams_svg(seams: Sequence[SeamOutline], names: Sequence[str], shape: tuple[i
             {**seam.settings, "pair": seam.pair, "method": seam.method, "cost": seam.cost} for seam in seams
         ],
     }
-    height, width = shape
-    return write_svg([line for line, _ in lines], width, height, settings, [name for _, name in lines])
+    if view != canvas:
+        settings["canvas"] = canvas.shape[::-1]
+    height, width = view.shape
+    written = [line for line, _ in lines], width, height, settings, [name for _, name in lines]
+    return write_svg(*written, (view.left, view.top))

@@ -197,10 +197,9 @@ def _filled(
         if image is None:
             bad.append((part, holes))
             continue
-        if depth > _THIN:
-            shows = _shows(image, mine, known & ~mine, min(box.shape))[part.within(around)]
-            if shows.any():
-                bad.append((part, shows))
+        shows = _shows(image, mine, known & ~mine, min(box.shape))[part.within(around)]
+        if shows.any():
+            bad.append((part, shows))
         patches.append(Filling(part, image[part.within(around)], holes))
     return patches, bad
 

@@ -10,7 +10,17 @@ import numpy as np
 
 import toposeam as ts
 from toposeam.images import full_scale
+from toposeam.layers.boundary.fit import fitted_boundary
 from toposeam.layers.canvas.largest_rectangle import largest_full
+from toposeam.layers.canvas.transforms import (
+    MeshTransform,
+    Transform,
+    fitted_transforms,
+    is_move,
+    similarity,
+)
+from toposeam.layers.canvas.warping import on_canvas
+from toposeam.layers.registration.find_places import PlaceOptions, found_places
 
 #: Options of :func:`toposeam.find_places`.
 _PLACE_OPTIONS = ("model", "projection", "level")
@@ -24,6 +34,8 @@ class PlacedLayers(NamedTuple):
     numbers: list[int]
     #: The placement that was found; None if places were given.
     placement: ts.layers.Placement | None = None
+    #: How the boundary of the canvas was bent; None where it was not.
+    boundary: MeshTransform | None = None
 
     @property
     def about(self) -> dict[str, Any]:
@@ -36,13 +48,22 @@ class PlacedLayers(NamedTuple):
             "numbers": self.numbers,
             "strangers": [number for number in found.left_out if number not in apart],
             "other_groups": [list(group) for group in found.other_groups],
-            "misfits": [
-                {"between": [self.numbers[i], self.numbers[j]], "off": round(residual.farthest, 1)}
-                for (i, j), residual in found.misfits
-            ],
             "doubts": list(found.doubts),
             "goes_round": found.wrap is not None,
         }
+
+    def misfits(self, made: Framed) -> list[dict[str, Any]]:
+        """Return where seams pass what does not fit, in px of the canvas, if it is likely to be noticed."""
+        found = self.placement
+        if found is None:
+            return []
+        (bent,) = fitted_transforms([similarity((0, 0))], self.boundary, found.wrap)
+        shift = np.subtract(made.layers[0].at, found.layers[0].at)
+        told = made.shown.misfits(found, lambda points: bent.to_canvas(points) + shift)
+        return [
+            {"between": [self.numbers[i], self.numbers[j]], "off": round(off, 1), "at": list(at)}
+            for (i, j), off, at in told
+        ]
 
 
 def placed(
@@ -51,6 +72,7 @@ def placed(
     """Remove the options of places from `options`, and find the places by them."""
     places = options.pop("places", "given")
     scans = options.pop("pictures", "photographs") == "scans"
+    fits = options.pop("crop", None) == "fit"
     chosen = {name: options.pop(name) for name in _PLACE_OPTIONS if name in options}
     if places == "given":
         return PlacedLayers(list(layers), list(range(len(layers))))
@@ -58,13 +80,26 @@ def placed(
         return PlacedLayers(list(ts.layers.align(layers).layers), list(range(len(layers))))
     if places != "anywhere":
         raise ts.OptionError(f"places is {places!r}; give 'given', 'near' or 'anywhere'")
+    boundary: MeshTransform | None = None
     if scans:
         found = ts.find_places(layers, exact=True, progress=progress)
-    else:
-        if chosen.get("model", "auto") not in ("auto", "rotation"):
-            chosen.pop("projection", None)  # cameras only
-        found = ts.find_places(layers, **chosen, progress=progress)
-    return PlacedLayers(_on_canvas(found.layers, layers[found.numbers[0]].at), list(found.numbers), found)
+        return PlacedLayers(_on_canvas(found.layers, layers[found.numbers[0]].at), list(found.numbers), found)
+    if chosen.get("model", "auto") not in ("auto", "rotation"):
+        chosen.pop("projection", None)  # cameras only
+
+    def laid(
+        pictures: Sequence[ts.Layer], transforms: Sequence[Transform], wrap: int | None
+    ) -> list[ts.Layer]:
+        nonlocal boundary
+        if fits and not all(map(is_move, transforms)):
+            boundary = fitted_boundary(pictures, transforms, wrap)
+        bent = fitted_transforms(transforms, boundary, wrap)
+        return [on_canvas(*item) for item in zip(pictures, bent, strict=True)]
+
+    found = found_places(layers, PlaceOptions(**chosen), progress, None, laid)
+    return PlacedLayers(
+        _on_canvas(found.layers, layers[found.numbers[0]].at), list(found.numbers), found, boundary
+    )
 
 
 def _on_canvas(layers: Sequence[ts.Layer], first: tuple[int, int]) -> list[ts.Layer]:
@@ -82,17 +117,26 @@ def moved(layers: Sequence[ts.Layer], right: int, down: int) -> list[ts.Layer]:
     return [dataclasses.replace(layer, at=(layer.at[0] + right, layer.at[1] + down)) for layer in layers]
 
 
-def framed(
-    layers: Sequence[ts.Layer], found: ts.layers.Composition, *, crop: bool
-) -> tuple[list[ts.Layer], ts.layers.Composition, list[int]]:
-    """Move everything so that a canvas from 0,0 holds it, or its largest rectangle without holes.
+class Framed(NamedTuple):
+    """Layers and their composition on a canvas that begins at 0,0."""
 
-    Also returns the width and height of that canvas.
+    layers: list[ts.Layer]
+    found: ts.layers.Composition
+    #: Width and height of the canvas, px.
+    size: list[int]
+    #: The part of the composition that the canvas shows, with what was filled in it.
+    shown: ts.layers.Composition
+
+
+def framed(layers: Sequence[ts.Layer], found: ts.layers.Composition, corners: str) -> Framed:
+    """Move everything so that a canvas from 0,0 holds all of it (`corners` is "keep"), its largest rectangle
+    without holes ("crop"), or the rectangle that is worth most, with slivers to be filled ("fit").
     """
-    height, width = found.shape
-    box = None
-    if crop and found.alpha is not None:
-        box = largest_full(np.asarray(found.alpha == full_scale(found.alpha.dtype)))
-    top, left, bottom, right = box or (0, 0, height, width)
-    x, y = found.origin[0] + left, found.origin[1] + top
-    return moved(layers, -x, -y), found.moved(-x, -y), [right - left, bottom - top]
+    shown = found
+    if corners == "fit":
+        shown = ts.layers.fitted(found)
+    if corners != "keep" and shown.alpha is not None:
+        box = largest_full(np.asarray(shown.alpha == full_scale(shown.alpha.dtype)))
+        shown = shown if box is None else shown.crop(box)
+    (x, y), (height, width) = shown.origin, shown.shape
+    return Framed(moved(layers, -x, -y), found.moved(-x, -y), [width, height], shown.moved(-x, -y))

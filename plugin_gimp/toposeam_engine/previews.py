@@ -17,6 +17,7 @@ import numpy as np
 import toposeam as ts
 from toposeam.arrays import Image, Mask
 from toposeam.colours import parse_colour
+from toposeam.display import to_rgba8
 from toposeam.motif.ink.mixing import mix
 from toposeam_engine import animations, motifs, seams, textures
 from toposeam_engine.job import EngineJob
@@ -68,12 +69,13 @@ def _stitch(job: EngineJob) -> Image:
             "full size",
             kind="small preview",
         ) from error
-    shown = _with_seams(job, found)
     if "crop" not in job.options:
-        return shown
-    _layers, moved, (width, height) = framed(place.layers, found, crop=bool(job.options["crop"]))
-    left, top = moved.origin
-    return shown[-top : height - top, -left : width - left]
+        return _with_seams(job, found)
+    shown = framed(place.layers, found, seams.corners(job)).shown
+    picture, whole = _with_seams(job, found)[shown.view.slices], with_alpha(shown.image, shown.alpha)
+    holes = picture[..., -1] == 0
+    picture[holes] = (whole if whole.shape == picture.shape else to_rgba8(whole))[holes]
+    return picture
 
 
 def _patch(job: EngineJob) -> Image:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 import toposeam as ts
+from toposeam.images import box_of
 from toposeam_engine.job import EngineJob
 from toposeam_engine.layers import (
     avoided_on,
@@ -38,7 +39,9 @@ def stitch(job: EngineJob) -> dict[str, Any]:
     result = placed.about | {"hidden": [placed.numbers[index] for index in found.hidden]}
     layers, old = placed.layers, [given[number] for number in placed.numbers]
     if "crop" in job.options:
-        layers, found, result["canvas"] = framed(layers, found, crop=bool(job.options["crop"]))
+        made = framed(layers, found, corners(job))
+        layers, found, result["canvas"] = made.layers, made.found, made.size
+        result["misfits"], result["filled"] = placed.misfits(made), _filled(job, made.shown)
     if job.options.get("places", "given") != "given":
         result["places"] = [list(layer.at) for layer in layers]
     if any(layer.image is not before.image for layer, before in zip(layers, old, strict=True)):
@@ -53,7 +56,8 @@ def stitched(job: EngineJob, layers: Sequence[ts.Layer]) -> tuple[PlacedLayers, 
     """Place the layers, match their tones and join them; return them with the composition."""
     options = blending(job.options)
     start = _FINDING_SHARE if options.get("places") == "anywhere" else 0.0
-    options.pop("crop", None)
+    if "crop" in options:
+        options["crop"] = corners(job)
     scans = options.get("pictures") == "scans"
     place = placed(layers, options, lambda share: job.progress(share * start))
     tones, shading = (options.pop(f"match_{what}", False) for what in ("tones", "shading"))
@@ -68,6 +72,24 @@ def stitched(job: EngineJob, layers: Sequence[ts.Layer]) -> tuple[PlacedLayers, 
         job.progress(start + (1 - start) * share)
 
     return place, ts.stitch(place.layers, avoid=outside(job, place.layers), progress=report, **options)
+
+
+def corners(job: EngineJob) -> str:
+    """Return what becomes of the corners of a canvas: scans are not bent."""
+    asked = str(job.options["crop"])
+    return "crop" if asked == "fit" and job.options.get("pictures") == "scans" else asked
+
+
+def _filled(job: EngineJob, shown: ts.layers.Composition) -> dict[str, Any] | None:
+    """Return a raster of the pixels that were filled, as no layer shows there; None if there are none."""
+    if not shown.filled:
+        return None
+    image, alpha = shown.image, np.zeros(shown.shape, shown.image.dtype)
+    for patch in shown.patches:
+        patch.onto(shown.view, image, alpha)
+    rows, columns = box_of(alpha > 0)
+    raster = job.write(with_alpha(image[rows, columns], alpha[rows, columns]))
+    return {**raster, "at": [columns.start, rows.start]}
 
 
 def patch(job: EngineJob) -> dict[str, Any]:

@@ -44,7 +44,7 @@ def test_layers_on_each_other_become_a_cropped_panorama(gimp, opened):
 
 def test_a_panorama_that_is_not_cropped_shows_all(gimp, opened):
     whole, loaded = opened
-    panorama(gimp, loaded, crop=False)
+    panorama(gimp, loaded, crop="keep")
     seen = gimp.projection(loaded["image"], "R'G'B'A u8")
     assert seen.shape[:2] == whole.shape[:2]
     assert (seen[:8, 200:, 3] == 0).all()

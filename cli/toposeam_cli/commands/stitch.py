@@ -200,7 +200,7 @@ def _stitch(
     with all_or_nothing():
         with share_bar("writing", out.quiet or not job.stored) as progress:
             rendered = render(composed, job, out, crop, means.store, progress, means.workers)
-        warnings += [] if out.quiet else misfits(job, rendered.at)
+        warnings += [] if out.quiet else misfits(rendered, job, means.workers)
         documents |= documents_of(rendered, job, out, means.workers)
         report: dict[str, Any] = {}
         if out.as_json:

@@ -16,9 +16,9 @@ import toposeam as ts
 from toposeam.images import full_scale
 from toposeam.layers.canvas.transforms import (
     CameraTransform,
-    FittedTransform,
     MeshTransform,
     Transform,
+    fitted_transforms,
     is_move,
     settled,
     similarity,
@@ -240,15 +240,6 @@ class _Laying:
 
             self.boundary = fitted_boundary(layers, transforms, wrap)
         return self.place(layers, fitted_transforms(transforms, self.boundary, wrap), wrap)
-
-
-def fitted_transforms(
-    transforms: Sequence[Transform], boundary: MeshTransform | None, wrap: int | None
-) -> tuple[Transform, ...]:
-    """Return transforms onto a canvas whose boundary may be bent."""
-    if boundary is None:
-        return tuple(transforms)
-    return tuple(FittedTransform(one, boundary, wrap) for one in transforms)
 
 
 def _read(item: tuple[Path, int, Path | None]) -> Picture | ts.ImageError:

@@ -14,13 +14,12 @@ import numpy as np
 from click.core import ParameterSource
 
 import toposeam as ts
-from toposeam.layers.canvas.canvas import extent_of
-from toposeam.layers.canvas.transforms import similarity
+from toposeam.layers.canvas.transforms import fitted_transforms, similarity
 from toposeam.layers.execution.tasks import Executor
-from toposeam.layers.registration.placement import VISIBLE_PX, Residual, large_canvas
+from toposeam.layers.registration.placement import Residual, large_canvas
 from toposeam.sentence import counted, printable
 from toposeam_cli.media.pictures.lens import equivalent_mm
-from toposeam_cli.stitching.inputs import PlacedPictures, fitted_transforms
+from toposeam_cli.stitching.inputs import PlacedPictures
 from toposeam_cli.stitching.outputs import Outputs
 from toposeam_cli.stitching.rendering import Rendered
 from toposeam_cli.stitching.search_options import correlations
@@ -28,8 +27,6 @@ from toposeam_cli.stitching.search_options import correlations
 if TYPE_CHECKING:
     from toposeam_cli.media.layouts.layout import LayoutStroke
 
-#: The largest number of pairs that are named.
-_MOST_NAMED = 4
 #: Share of what pictures show below which a crop is told first.
 _LITTLE = 0.75
 
@@ -234,28 +231,20 @@ def doubts(job: PlacedPictures) -> list[str]:
     return large_canvas(job.layers, pixels)
 
 
-def misfits(job: PlacedPictures, at: tuple[int, int] | None) -> list[str]:
-    """Describe the residuals between pictures at their common points, in sentences.
-
-    `at` is the pixel of the canvas at which the joined picture begins; coordinates are those of that picture.
-    """
-    placement = job.placement
-    if placement is None:
+def misfits(rendered: Rendered, job: PlacedPictures, executor: Executor | None) -> list[str]:
+    """Say in a sentence where a seam passes what does not fit, if it is likely to be noticed."""
+    if job.placement is None:
         return []
-    corner = np.array(extent_of(job.layers).origin) + (at or (0, 0))
-    worst = placement.misfits
     (bent,) = fitted_transforms([similarity((0, 0))], job.boundary, job.wrap)
-    sentences = []
-    for (i, j), residual in worst[:_MOST_NAMED]:
-        ((x, y),) = bent.to_canvas(np.array([residual.near])) - corner
-        sentences.append(
-            f"up to {residual.farthest:.0f} px are left between {job.layers[i].name} and "
-            f"{job.layers[j].name} near {x:.0f},{y:.0f}; look whether the seam runs there"
-        )
-    more = len(worst) - _MOST_NAMED
-    if more > 0:
-        sentences.append(f"more than {VISIBLE_PX:g} px are left in {more} more pairs")
-    return sentences
+    found = rendered.composition.misfits(job.placement, bent.to_canvas, executor)
+    if not found:
+        return []
+    (i, j), off, (x, y) = found[0]
+    more = f" ({counted(len(found) - 1, 'more such seam')})" if len(found) > 1 else ""
+    return [
+        f"the seam between {job.layers[i].name} and {job.layers[j].name} passes what is {off:.0f} px apart "
+        f"near {x},{y}{more}; toposeam edit moves it"
+    ]
 
 
 def _placement_summary(job: PlacedPictures) -> dict[str, Any] | None:

@@ -13,7 +13,6 @@ from toposeam_gimp.engine.folder import RequestFolder
 from toposeam_gimp.engine.process import begin
 from toposeam_gimp.image import pixels
 from toposeam_gimp.image.layers import draw_seam
-from toposeam_gimp.texts import _
 
 Options = dict[str, Any]
 
@@ -46,19 +45,21 @@ def put_mask(folder: RequestFolder, layer: Gimp.Layer, raster: dict[str, Any] | 
         layer.set_edit_mask(False)
 
 
-def put_blended(
-    folder: RequestFolder, image: Gimp.Image, under: Gimp.Layer, answer: Options
+def put_pixels(
+    folder: RequestFolder, image: Gimp.Image, under: Gimp.Layer, name: str, raster: Options | None
 ) -> Gimp.Layer | None:
-    """Add a layer of the pixels that blending has changed, on top of a group or right above a layer."""
-    if answer.get("blended") is None:
+    """Add a layer of what blending has changed, or of what was filled, if there is any, on top of a group or
+    right above a layer.
+    """
+    if raster is None:
         return None
-    layer = pixels.new_layer(image, _("Blended seams"), answer["blended"])
+    layer = pixels.new_layer(image, name, raster)
     parent, position = (
         (under, 0) if under.is_group() else (under.get_parent(), image.get_item_position(under))
     )
     image.insert_layer(layer, parent, position)
-    layer.set_offsets(*answer["blended"]["at"])
-    pixels.receive_colors(folder, layer, answer["blended"])
+    layer.set_offsets(*raster["at"])
+    pixels.receive_colors(folder, layer, raster)
     return layer
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from gi.repository import Gimp
 
 from toposeam_gimp.actions.below import picture_below
-from toposeam_gimp.actions.joining import draw_seams, put_blended, put_mask
+from toposeam_gimp.actions.joining import draw_seams, put_mask, put_pixels
 from toposeam_gimp.engine.call import Call
 from toposeam_gimp.engine.folder import RequestFolder
 from toposeam_gimp.image import pixels
@@ -54,7 +54,7 @@ def patch_selection(call: Call) -> Gimp.Layer:
                 layer.set_visible(False)
                 undone.append(lambda: layer.set_visible(True))
             put_mask(folder, result, answer["masks"][1])
-            blended = put_blended(folder, image, result, answer)
+            blended = put_pixels(folder, image, result, _("Blended seams"), answer.get("blended"))
             if blended is not None:
                 undone.append(lambda: image.remove_layer(blended))
             seams = draw_seams(image, answer["seams"], undone, visible=options["show-seam"])

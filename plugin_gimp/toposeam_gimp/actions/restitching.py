@@ -8,7 +8,7 @@ from typing import Any
 from gi.repository import Gimp
 
 from toposeam_gimp.actions.below import picture_below
-from toposeam_gimp.actions.joining import draw_seams, put_blended, put_mask, request_of
+from toposeam_gimp.actions.joining import draw_seams, put_mask, put_pixels, request_of
 from toposeam_gimp.engine.call import Call, renamed
 from toposeam_gimp.image import curves, hints, pixels
 from toposeam_gimp.image import path_choice as choosing
@@ -59,7 +59,7 @@ def restitch(call: Call) -> Gimp.Layer:
             old = memory["blended"] and image.get_layer_by_tattoo(memory["blended"])
             if old:
                 image.remove_layer(old)
-            blended = put_blended(folder, image, group, answer)
+            blended = put_pixels(folder, image, group, _("Blended seams"), answer.get("blended"))
             seams = memory["seams"]
             if answer["seams"] is not None:
                 seams = _redrawn(call, seams, answer["seams"], undone)

@@ -8,7 +8,7 @@ from typing import Any
 
 from gi.repository import Gimp
 
-from toposeam_gimp.actions.joining import Options, draw_seams, put_blended, put_mask, request_of
+from toposeam_gimp.actions.joining import Options, draw_seams, put_mask, put_pixels, request_of
 from toposeam_gimp.engine.call import Call
 from toposeam_gimp.engine.folder import RequestFolder
 from toposeam_gimp.image import pixels
@@ -22,9 +22,6 @@ from toposeam_gimp.image.layers import (
 )
 from toposeam_gimp.image.seen import is_plain, plain_copy
 from toposeam_gimp.texts import _
-
-#: Most pairs of layers that a message about misfits names.
-_NAMED = 3
 
 
 def check_layers(image: Gimp.Image, drawables: Sequence[Gimp.Drawable], options: Mapping[str, Any]) -> None:
@@ -76,7 +73,8 @@ def _joined(call: Call, options: Mapping[str, Any], selected: Gimp.Image | None)
                 _resize(image, answer["canvas"], undone)
             elif options["places"] == "anywhere":
                 _hold_all(image, copies, undone)
-            blended = put_blended(folder, image, group, answer)
+            blended = put_pixels(folder, image, group, _("Blended seams"), answer.get("blended"))
+            put_pixels(folder, image, group, _("Filled corners"), answer.get("filled"))
             seams = draw_seams(image, answer["seams"], undone, visible=options["show-seam"])
             kept = {name: options[name] for name in ("blend", "blend-width", "law")}
             remember(folder, group, copies, seams, blended, {"kind": "group", "options": kept}, answer)
@@ -140,12 +138,11 @@ def _tell(call: Call, layers: Sequence[Gimp.Layer], used: Sequence[Gimp.Layer], 
         )
     for doubt in answer.get("doubts", ()):
         call.tell(f"{doubt[0].upper()}{doubt[1:]}.")
-    misfits = answer.get("misfits", ())
-    if misfits:
-        pairs = "; ".join(named(misfit["between"]) for misfit in misfits[:_NAMED])
+    for misfit in answer.get("misfits", ())[:1]:
+        (x, y), off, names = misfit["at"], f"{misfit['off']:.0f}", named(misfit["between"])
         call.tell(
-            _("Up to {off} px are left between layers; look whether a seam shows there: {pairs}.").format(
-                off=f"{misfits[0]['off']:.0f}", pairs=pairs
+            _("The seam between {names} passes what is {off} px apart near {x},{y}; look there.").format(
+                names=names, off=off, x=x, y=y
             )
         )
     if answer.get("goes_round"):

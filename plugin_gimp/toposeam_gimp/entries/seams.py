@@ -171,12 +171,14 @@ SEAM_ENTRIES = (
             ),
             Option(
                 name="crop",
-                label=_("Crop _transparent borders"),
-                default=True,
+                label=_("_Transparent corners"),
+                default="fit",
                 help=_(
-                    "Make the canvas the largest rectangle without holes. Layers keep what lies beyond it: "
-                    "Image → Fit Canvas to Layers shows it again"
+                    "Fit: the border is bent a little and slivers are filled, on a layer of their own, so "
+                    "that most is kept. Crop: the canvas is the largest rectangle without holes. Layers keep "
+                    "what lies beyond the canvas: Image → Fit Canvas to Layers shows it again"
                 ),
+                choices=(("fit", _("Fit")), ("crop", _("Crop")), ("keep", _("Keep"))),
             ),
             Option(
                 name="match-shading",

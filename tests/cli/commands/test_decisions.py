@@ -67,7 +67,7 @@ def test_what_is_left_is_told_where_the_crop_shows_it(rimmed, toposeam, tmp_path
     for crop, near in (("outside", (46, 20)), ("inside", (46 - LEFT, 20 - TOP))):
         line = *rimmed[:3], "--points", "points.csv", "--model", "shift", "-o", f"{crop}.png"
         ran = toposeam(*line, "--crop", crop)
-        assert f"px are left between rim.png and negative.png near {near[0]},{near[1]};" in ran.err
+        assert f"rim.png and negative.png passes what is 6 px apart near {near[0]},{near[1]};" in ran.err
 
 
 @pytest.mark.parametrize(("key", "columns", "shows"), [("1", slice(36, 56), 0), ("0", slice(20), 255)])
@@ -96,7 +96,7 @@ def test_the_worst_seam_speaks_for_all(three, toposeam):
     assert facts["look_at"] == seams[0]["look_at"]
 
 
-def test_what_is_left_of_the_worst_pair_is_told_first(three, toposeam):
+def test_the_pair_farthest_apart_is_told(three, toposeam):
     """One point of each pair is off, 6 px in the first pair and 12 px in the last one."""
     lines = []
     for first, second, off in (("a", "b", 6), ("a", "c", 9), ("b", "c", 12)):
@@ -106,9 +106,11 @@ def test_what_is_left_of_the_worst_pair_is_told_first(three, toposeam):
             u, v = point - shift + ([off, 0] if number == 4 else [0, 0])
             lines.append(f"{first}.png,{point[0]},{point[1]},{second}.png,{u},{v}")
     (three / "points.csv").write_text("\n".join(lines))
+    write_picture("c.png", Picture(pixels=255 - read_picture("c.png").pixels), True)
     ran = toposeam("stitch", *FILES, "--points", "points.csv", "--model", "shift", "-o", "out.png")
-    named = re.findall(r"px are left between (\w)\.png and (\w)\.png near", ran.err)
-    assert named == [("b", "c"), ("a", "c"), ("a", "b")]
+    named = re.findall(r"between (\w)\.png and (\w)\.png passes what is (\d+) px apart near", ran.err)
+    assert named == [("b", "c", "12")]
+    assert "(1 more such seam); toposeam edit moves it" in ran.err
 
 
 def test_of_equal_rectangles_the_upper_left_one_is_kept():

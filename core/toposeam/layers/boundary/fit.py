@@ -17,9 +17,9 @@ from toposeam.layers.boundary.rectangling import Rectangling
 from toposeam.layers.canvas.canvas import common_canvas
 from toposeam.layers.canvas.layer import Box, Layer
 from toposeam.layers.canvas.transforms import (
-    FittedTransform,
     MeshTransform,
     Transform,
+    fitted_transforms,
     is_move,
     similarity,
 )
@@ -79,9 +79,7 @@ def fitted_boundary(
 def laid_in_memory(layers: Sequence[Layer], transforms: Sequence[Transform], wrap: int | None) -> list[Layer]:
     """Lay pictures on a canvas, whose boundary is bent if one of them is more than moved."""
     if not all(map(is_move, transforms)):
-        boundary = fitted_boundary(layers, transforms, wrap)
-        if boundary is not None:
-            transforms = [FittedTransform(one, boundary, wrap) for one in transforms]
+        transforms = fitted_transforms(transforms, fitted_boundary(layers, transforms, wrap), wrap)
     return [on_canvas(*item) for item in zip(layers, transforms, strict=True)]
 
 

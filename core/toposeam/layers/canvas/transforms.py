@@ -11,6 +11,7 @@ of its smaller side, a ray that would meet the picture at r meets it at r (a r³
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Literal, Protocol, TypeAlias, get_args
@@ -361,6 +362,15 @@ class FittedTransform:
             left = self.boundary.base.to_canvas(np.zeros(2))[0]
             turn[..., 0] = np.floor((points[..., 0] - left) / self.wrap) * self.wrap
         return turn
+
+
+def fitted_transforms(
+    transforms: Sequence[Transform], boundary: MeshTransform | None, wrap: int | None
+) -> tuple[Transform, ...]:
+    """Return transforms onto a canvas whose boundary may be bent."""
+    if boundary is None:
+        return tuple(transforms)
+    return tuple(FittedTransform(one, boundary, wrap) for one in transforms)
 
 
 def unbent(transform: Transform) -> Transform:

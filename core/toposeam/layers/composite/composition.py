@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.arrays import Image, Labels, Mask
+from toposeam.arrays import Floats, Image, Labels, Mask
 from toposeam.images import full_scale
 from toposeam.layers.blending.blend import Blending, Fading
 from toposeam.layers.canvas.canvas import Canvas, channel_count
@@ -31,9 +31,12 @@ if TYPE_CHECKING:
     from toposeam.layers.composite.seams_of_map import SeamsOfMap
     from toposeam.layers.composite.sinks import Sink
     from toposeam.layers.labelling.problem import Labelling
+    from toposeam.layers.registration.placement import Placement
 
 #: Width of a rendered window, in blocks of 1024 px; it is one block high.
 WINDOW_BLOCKS = 4
+#: Distance from a seam, px, of points that it passes.
+_BESIDE = 16
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -63,8 +66,8 @@ class Composition(PictureResult):
     _seams: KnownSeams | SeamsOfMap
     #: The box of the canvas that the picture shows; it may reach beyond the canvas. None for all of it.
     _view: Box | None = None
-    #: What was filled, as no layer shows there.
-    _patches: tuple[Filling, ...] = ()
+    #: What was filled, as no layer shows there, on the canvas.
+    patches: tuple[Filling, ...] = ()
 
     def __repr__(self) -> str:
         height, width = self.shape
@@ -128,7 +131,7 @@ class Composition(PictureResult):
 
     def patched(self, patches: Sequence[Filling]) -> Composition:
         """Return a composition with pixels where no layer shows."""
-        return self._with_painter(dataclasses.replace(self, _patches=(*self._patches, *patches)))
+        return self._with_painter(dataclasses.replace(self, patches=(*self.patches, *patches)))
 
     def _with_painter(self, other: Composition) -> Composition:
         """Hand on what has been computed of the same canvas, label map and blend."""
@@ -137,7 +140,7 @@ class Composition(PictureResult):
         if "_picture" in self.__dict__ and other.view.shared(self.view) == other.view:
             part = other.view.within(self.view)
             image, alpha = (each[part].copy() for each in self._picture)
-            for patch in other._patches:
+            for patch in other.patches:
                 patch.onto(other.view, image, alpha)
             other.__dict__["_picture"] = image, alpha
         return other
@@ -189,7 +192,7 @@ class Composition(PictureResult):
     def filled(self) -> float:
         """The share of the picture's pixels that were filled, as no layer shows there, in [0, 1]."""
         height, width = self.shape
-        parts = ((patch, patch.box.shared(self.view)) for patch in self._patches)
+        parts = ((patch, patch.box.shared(self.view)) for patch in self.patches)
         count = sum(
             int(patch.where[part.within(patch.box)].sum()) for patch, part in parts if all(part.shape)
         )
@@ -267,6 +270,48 @@ class Composition(PictureResult):
         """The verdict on the most visible seam; None unless the law of the match cost is "natural"."""
         return worst_of(figures.verdict for figures in self.figures().values())
 
+    def misfits(
+        self,
+        placement: Placement,
+        onto: Callable[[Floats], Floats] | None = None,
+        executor: Executor | None = None,
+    ) -> list[tuple[Pair, float, tuple[int, int]]]:
+        """Find where seams pass points at which the pictures of a placement do not meet.
+
+        Seams that are unlikely to be noticed are left out.
+
+        Parameters
+        ----------
+        placement : Placement
+            Of the layers.
+        onto : callable, optional
+            From (M, 2) points x, y of its canvas to those of the layers, if these were moved or the boundary
+            was bent.
+        executor : concurrent.futures.Executor, optional
+            As for :meth:`figures`.
+
+        Returns
+        -------
+        list of ((int, int), float, (int, int))
+            A pair of layers, how far their points are apart, px, and x and y in the picture; at most one for
+            each pair, the farthest first.
+        """
+        figures, (height, width) = self.figures(executor), self.shape
+        found = list[tuple[Pair, float, tuple[int, int]]]()
+        for pair, residual in placement.residuals.items():
+            seam, apart = figures.get(pair), np.array(residual.apart).reshape(-1, 3)
+            if seam is None or (seam.verdict is not None and seam.verdict.inside(self.cropped).unseen):
+                continue
+            at = apart[:, :2] if onto is None else onto(apart[:, :2])
+            at = np.nan_to_num(at - self.origin, nan=-1).round().astype(int)
+            inside = ((at >= 0) & (at < (width, height))).all(axis=1)
+            for (x, y), off in zip(at[inside].tolist(), apart[inside, 2].tolist(), strict=True):
+                rows, columns = (slice(max(0, one - _BESIDE), one + _BESIDE + 1) for one in (y, x))
+                if set(pair) <= set(np.unique(np.asarray(self.labels(rows, columns))).tolist()):
+                    found.append((pair, off, (x, y)))
+                    break
+        return sorted(found, key=lambda misfit: -misfit[1])
+
     def summary(self, *, optima: bool = True) -> dict[str, Any]:
         """Return the composition in numbers, as JSON has them (:mod:`toposeam.layers.composite.summary`).
 
@@ -314,7 +359,7 @@ class Composition(PictureResult):
         are the fastest. The blend "gradient" cannot be computed by windows: the first call computes the whole
         picture.
         """
-        return _painted(self._painter, self._patches, self._window(rows, columns))
+        return _painted(self._painter, self.patches, self._window(rows, columns))
 
     def render(
         self,
@@ -342,7 +387,7 @@ class Composition(PictureResult):
         def item(box: Box) -> tuple[Painter, Sequence[Filling], Box, Box, Sink]:
             on_canvas = box.moved(*self.view[:2])
             part = painter if workers is None else painter.part(on_canvas.shared(painter.box))
-            patches = [patch for patch in self._patches if all(patch.box.shared(on_canvas).shape)]
+            patches = [patch for patch in self.patches if all(patch.box.shared(on_canvas).shape)]
             return part, patches, on_canvas, box, sink
 
         for number, (box, answer) in enumerate(

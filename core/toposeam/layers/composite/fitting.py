@@ -152,6 +152,10 @@ def _any_holes(composed: Composition) -> bool:
 def _holes(composed: Composition, box: Box) -> Mask:
     """Return which pixels of a box of the canvas are not opaque."""
     canvas = composed.canvas
+    if not _is_stored(composed):
+        alpha = composed.alpha
+        inside = box.moved(-composed.view.top, -composed.view.left).slices
+        return np.zeros(box.shape, bool) if alpha is None else alpha[inside] < full_scale(alpha.dtype)
     labels = np.asarray(composed.solution.labels[box.slices])
     holes = labels < 0
     turns = (0,) if canvas.period is None else (-canvas.period, 0, canvas.period)
@@ -177,27 +181,31 @@ def _filled(
     """
     patches: list[Filling] = []
     bad: list[tuple[Box, Mask]] = []
-    for part in _parts(composed, seen, box):
-        part = part.grown(_RIM).shared(box)
-        holes = _holes(composed, part)
-        beside = part.grown(1).shared(composed.canvas.box)
-        far = scipy.ndimage.distance_transform_edt(_holes(composed, beside))
+    for near in _parts(composed, seen, box):
+        wide = near.grown(_MOST + _RIM).shared(composed.canvas.box)
+        unknown = _holes(composed, wide)
+        if not unknown[near.within(wide)].any():
+            continue
+        part = _box_of(unknown[near.within(wide)]).moved(near.top, near.left).grown(_RIM).shared(box)
+        holes = unknown[part.within(wide)]
+        beside = part.grown(1).shared(wide)
+        far = scipy.ndimage.distance_transform_edt(unknown[beside.within(wide)])
         depth = float(far[part.within(beside)][holes].max())
-        around = part.grown(int(np.clip(_TIMES * depth, _LEAST, _MOST))).shared(composed.canvas.box)
+        around = part.grown(int(np.clip(_TIMES * depth, _LEAST, _MOST))).shared(wide)
         if around.shape[0] * around.shape[1] > _MOST_FILLED:
             bad.append((part, holes))
             continue
         holes = scipy.ndimage.binary_dilation(holes, iterations=_RIM)
-        known = _holes(composed, around)
+        unknown = unknown[around.within(wide)]
         mine = np.zeros(around.shape, bool)
         mine[part.within(around)] = holes
         image = _continued(
-            _pixels(composed, around), mine, known & ~mine, depth, _near(plain, composed, seen, around)
+            _pixels(composed, around), mine, unknown & ~mine, depth, _near(plain, composed, seen, around)
         )
         if image is None:
             bad.append((part, holes))
             continue
-        shows = _shows(image, mine, known & ~mine, min(box.shape))[part.within(around)]
+        shows = _shows(image, mine, unknown & ~mine, min(box.shape))[part.within(around)]
         if shows.any():
             bad.append((part, shows))
         patches.append(Filling(part, image[part.within(around)], holes))
@@ -224,18 +232,18 @@ def _parts(composed: Composition, seen: Overview, box: Box) -> Iterator[Box]:
             int(np.floor((edge + at) * seen.scale)) - origin
             for edge, at, origin in zip(small, seen.at[::-1] * 2, (top, left) * 2, strict=True)
         ]
-        part = Box(*edges).grown(1).shared(box)
-        holes = _holes(composed, part)
-        if holes.any():
-            yield _box_of(holes).moved(part.top, part.left)
+        yield Box(*edges).grown(1).shared(box)
 
 
 def _pixels(composed: Composition, box: Box) -> Image:
     """Return the pixels of a box of the canvas."""
     rows, columns = box.moved(-composed.view.top, -composed.view.left).slices
-    if any(isinstance(layer.image, Windows) for layer in composed.layers):
-        return composed.window(rows, columns)[0]
-    return composed.image[rows, columns]
+    return composed.window(rows, columns)[0] if _is_stored(composed) else composed.image[rows, columns]
+
+
+def _is_stored(composed: Composition) -> bool:
+    """Test whether pictures are read by windows, so that the whole result may be larger than memory."""
+    return any(isinstance(layer.image, Windows) for layer in composed.layers)
 
 
 def _continued(image: Image, holes: Mask, unknown: Mask, depth: float, plain: Mask) -> Image | None:

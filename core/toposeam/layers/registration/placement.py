@@ -51,20 +51,23 @@ class Residual:
     #: px, in the median and at the farthest twentieth.
     median: float
     farthest: float
-    #: x and y on the canvas, px, of a point at the farthest twentieth.
-    near: tuple[float, float]
     #: Number of points, and of features that agreed.
     points: int
     features: int
+    #: Of each point that is farther apart than :data:`VISIBLE_PX`: x and y on the canvas, and how far, px.
+    apart: tuple[tuple[float, float, float], ...] = ()
 
     @classmethod
     def of(cls, distances: Floats, points: Floats, features: int) -> Residual:
         """Summarise (M,) distances, px, at (M, 2) points of the canvas."""
         if not len(distances):
-            return cls(0.0, 0.0, (0.0, 0.0), 0, features)
+            return cls(0.0, 0.0, 0, features)
         farthest = float(np.percentile(distances, 95))
-        x, y = points[int(np.argmin(np.abs(distances - farthest)))]
-        return cls(float(np.median(distances)), farthest, (float(x), float(y)), len(distances), features)
+        known = distances[np.argmin(np.abs(distances - farthest))]  # beyond it may be false matches
+        order = np.argsort(-distances, kind="stable")
+        order = order[(distances[order] > VISIBLE_PX) & (distances[order] <= known)]
+        apart = map(tuple, np.column_stack([points[order], distances[order]]).tolist())
+        return cls(float(np.median(distances)), farthest, len(distances), features, tuple(apart))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -122,12 +125,6 @@ class Placement:
         meshes = [one.coefficients for one in self.transforms if isinstance(one, MeshTransform)]
         return max((float(np.hypot(*np.moveaxis(one, -1, 0)).max()) for one in meshes), default=0.0)
 
-    @property
-    def misfits(self) -> list[tuple[Pair, Residual]]:
-        """The pairs whose residuals are visible, the worst first."""
-        worst = sorted(self.residuals.items(), key=lambda item: -item[1].farthest)
-        return [(pair, residual) for pair, residual in worst if residual.farthest > VISIBLE_PX]
-
     def levelled(self, picture: int, line: Floats) -> Placement:
         """Return the placement turned so that a (2, 2) line of a placed picture lies level or upright
         (:func:`toposeam.layers.canvas.levelling.levelled`); its layers are not warped anew.
@@ -137,9 +134,10 @@ class Placement:
         transforms = levelled(self.transforms, picture, line)
         residuals = {}
         for pair, residual in self.residuals.items():
-            at = self.transforms[pair[0]].to_picture(np.array([residual.near]))
-            x, y = transforms[pair[0]].to_canvas(at)[0]
-            residuals[pair] = replace(residual, near=(float(x), float(y)))
+            apart = np.array(residual.apart).reshape(-1, 3)
+            at = self.transforms[pair[0]].to_picture(apart[:, :2])
+            apart[:, :2] = transforms[pair[0]].to_canvas(at)
+            residuals[pair] = replace(residual, apart=tuple(map(tuple, apart.tolist())))
         return replace(self, transforms=transforms, residuals=residuals)
 
     @cached_property

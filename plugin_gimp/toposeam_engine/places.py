@@ -34,7 +34,8 @@ class PlacedLayers(NamedTuple):
     numbers: list[int]
     #: The placement that was found; None if places were given.
     placement: ts.layers.Placement | None = None
-    #: How the boundary of the canvas was bent; None where it was not.
+    #: Whether the canvas is fitted to a rectangle, and how its boundary was bent; None where it was not.
+    fits: bool = False
     boundary: MeshTransform | None = None
 
     @property
@@ -90,16 +91,16 @@ def placed(
     def laid(
         pictures: Sequence[ts.Layer], transforms: Sequence[Transform], wrap: int | None
     ) -> list[ts.Layer]:
-        nonlocal boundary
-        if fits and not all(map(is_move, transforms)):
+        nonlocal boundary, fits
+        fits = fits and not all(map(is_move, transforms))
+        if fits:
             boundary = fitted_boundary(pictures, transforms, wrap)
         bent = fitted_transforms(transforms, boundary, wrap)
         return [on_canvas(*item) for item in zip(pictures, bent, strict=True)]
 
     found = found_places(layers, PlaceOptions(**chosen), progress, None, laid)
-    return PlacedLayers(
-        _on_canvas(found.layers, layers[found.numbers[0]].at), list(found.numbers), found, boundary
-    )
+    laid_out = _on_canvas(found.layers, layers[found.numbers[0]].at)
+    return PlacedLayers(laid_out, list(found.numbers), found, fits, boundary)
 
 
 def _on_canvas(layers: Sequence[ts.Layer], first: tuple[int, int]) -> list[ts.Layer]:
@@ -128,12 +129,13 @@ class Framed(NamedTuple):
     shown: ts.layers.Composition
 
 
-def framed(layers: Sequence[ts.Layer], found: ts.layers.Composition, corners: str) -> Framed:
+def framed(place: PlacedLayers, found: ts.layers.Composition, corners: str) -> Framed:
     """Move everything so that a canvas from 0,0 holds all of it (`corners` is "keep"), its largest rectangle
-    without holes ("crop"), or the rectangle that is worth most, with slivers to be filled ("fit").
+    without holes ("crop"), or the rectangle that is worth most, with slivers to be filled ("fit", but for
+    scans and for what was only moved).
     """
-    shown = found
-    if corners == "fit":
+    layers, shown = place.layers, found
+    if corners == "fit" and place.fits:
         shown = ts.layers.fitted(found)
     if corners != "keep" and shown.alpha is not None:
         box = largest_full(np.asarray(shown.alpha == full_scale(shown.alpha.dtype)))

@@ -71,7 +71,7 @@ def _stitch(job: EngineJob) -> Image:
         ) from error
     if "crop" not in job.options:
         return _with_seams(job, found)
-    shown = framed(place.layers, found, seams.corners(job)).shown
+    shown = framed(place, found, str(job.options["crop"])).shown
     picture, whole = _with_seams(job, found)[shown.view.slices], with_alpha(shown.image, shown.alpha)
     holes = picture[..., -1] == 0
     picture[holes] = (whole if whole.shape == picture.shape else to_rgba8(whole))[holes]

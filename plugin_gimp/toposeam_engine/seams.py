@@ -39,7 +39,7 @@ def stitch(job: EngineJob) -> dict[str, Any]:
     result = placed.about | {"hidden": [placed.numbers[index] for index in found.hidden]}
     layers, old = placed.layers, [given[number] for number in placed.numbers]
     if "crop" in job.options:
-        made = framed(layers, found, corners(job))
+        made = framed(placed, found, str(job.options["crop"]))
         layers, found, result["canvas"] = made.layers, made.found, made.size
         result["misfits"], result["filled"] = placed.misfits(made), _filled(job, made.shown)
     if job.options.get("places", "given") != "given":
@@ -56,8 +56,6 @@ def stitched(job: EngineJob, layers: Sequence[ts.Layer]) -> tuple[PlacedLayers, 
     """Place the layers, match their tones and join them; return them with the composition."""
     options = blending(job.options)
     start = _FINDING_SHARE if options.get("places") == "anywhere" else 0.0
-    if "crop" in options:
-        options["crop"] = corners(job)
     scans = options.get("pictures") == "scans"
     place = placed(layers, options, lambda share: job.progress(share * start))
     tones, shading = (options.pop(f"match_{what}", False) for what in ("tones", "shading"))
@@ -72,12 +70,6 @@ def stitched(job: EngineJob, layers: Sequence[ts.Layer]) -> tuple[PlacedLayers, 
         job.progress(start + (1 - start) * share)
 
     return place, ts.stitch(place.layers, avoid=outside(job, place.layers), progress=report, **options)
-
-
-def corners(job: EngineJob) -> str:
-    """Return what becomes of the corners of a canvas: scans are not bent."""
-    asked = str(job.options["crop"])
-    return "crop" if asked == "fit" and job.options.get("pictures") == "scans" else asked
 
 
 def _filled(job: EngineJob, shown: ts.layers.Composition) -> dict[str, Any] | None:

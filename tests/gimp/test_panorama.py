@@ -1,5 +1,7 @@
 """Panorama from Layers in a real GIMP."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from inside import refused, succeeded
@@ -8,6 +10,7 @@ from running import needs_gimp
 
 needs_gimp()
 
+SAMPLES = Path(__file__).parents[2] / "samples"
 PANORAMA = "plug-in-toposeam-panorama"
 
 
@@ -99,3 +102,19 @@ def test_panoramas_in_other_precisions_and_gray(gimp, image, tmp_path, options, 
     assert seen.shape[:2] == (160, 300)
     assert seen.dtype == before.dtype
     np.testing.assert_array_equal(seen[:, :120], before[:, :120])
+
+
+@pytest.mark.medium
+def test_corners_of_a_warped_panorama_are_fitted(gimp, image):
+    """What is filled is a layer of its own, and nothing of the canvas is transparent."""
+    loaded = image([SAMPLES / f"portrait_{part}.jpg" for part in ("left", "right")])
+    sizes = {}
+    for corners in ("fit", "crop"):
+        group = panorama(gimp, loaded, crop=corners)
+        tree = gimp.tree(image=loaded["image"])
+        sizes[corners] = np.prod(tree["size"])
+        (made,) = (layer for layer in tree["layers"] if layer["id"] == group)
+        assert (made["children"][0]["name"] == "Filled corners") == (corners == "fit")
+        assert (gimp.projection(loaded["image"], "R'G'B'A u8")[..., 3] == 255).all()
+        gimp.python(code="item(number).set_visible(False)", number=group)
+    assert sizes["fit"] > sizes["crop"]

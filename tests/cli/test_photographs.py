@@ -131,8 +131,8 @@ def assert_placed(scene, layout="out.toml", output="out.png"):
 @pytest.mark.medium
 def test_three_views_are_placed_warped_and_joined(views, toposeam, scene):
     words = *THREE, "-o", "out.png", "--crop", "outside", "--save-layout", "out.toml"
-    ran = joined(toposeam, *words)
-    placed, last = ran.out.splitlines()
+    ran = joined(toposeam, *words, "-v")
+    placed, _, last = ran.out.splitlines()
     assert ran.err == ""
     found = re.fullmatch(
         r"3 pictures of a camera that turned, by (2|3) pairs, at most 0\.\d\d px left in the median of one; "
@@ -261,8 +261,8 @@ def darker_on_the_right(path):
 
 @pytest.mark.medium
 def test_scans_keep_their_pixels_and_their_holes(views, toposeam):
-    ran = joined(toposeam, *CROPS, "-o", "out.png", "--labels", "labels.png")
-    assert "cropped" not in ran.out
+    ran = joined(toposeam, *CROPS, "-o", "out.png", "--labels", "labels.png", "-v")
+    assert "kept" not in ran.out
     assert "t.png: found at 130.0,24.0 (correlation 1.00)" in ran.out
     assert_untouched(pixels(), pixels("labels.png"), (194, 350))
 
@@ -879,7 +879,7 @@ def test_points_are_read_from_a_table(views, toposeam, sole):
     points = [(50, 5), (75, 20), (60, 50), (72, 40)]
     lines = ["# marked by hand", *(f"0, {x}, {y}, right.png, {x - 40}, {y - 3}" for x, y in points)]
     Path("points.csv").write_text("\n".join(lines))
-    words = "left.png", "right.png", "--points", "points.csv"
+    words = "left.png", "right.png", "--points", "points.csv", "-v"
     ran = joined(toposeam, *words, "-o", "all.png")
     assert "right.png: found at 40.0,3.0 (by given points)" in ran.out
     turned = [f"right.png, {x - 40}, {y - 3}, left.png, {x}, {y}" for x, y in points[::2]]

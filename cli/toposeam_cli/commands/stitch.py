@@ -35,7 +35,7 @@ from toposeam_cli.stitching.report import (
     doubts,
     hidden,
     is_read,
-    line_of_job,
+    lines_of_job,
     lost_strokes,
     misfits,
     summary_of_job,
@@ -206,7 +206,7 @@ def _stitch(
         if out.as_json:
             report = summary_of_job(rendered, job, aligned)
         elif is_read(out.quiet):
-            report = {"report": line_of_job(rendered, job, aligned, out, means.workers)}
+            report = {"report": lines_of_job(rendered, job, aligned, out, means.workers)}
         write(out, job, rendered, documents, means.store)
     if "report" in report and not out.quiet:
         say(report["report"], lines=True)

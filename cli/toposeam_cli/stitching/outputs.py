@@ -144,6 +144,13 @@ def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
             is_flag=True,
             help="Print costs, optima, ratios, stages, iterations and seconds as JSON.",
         ),
+        option(
+            "-v",
+            "--verbose",
+            heading="Output",
+            is_flag=True,
+            help="Also print how pictures were placed, and method, length, cost and time of the seams.",
+        ),
     )
     for each in reversed(options):
         command = each(command)
@@ -170,6 +177,7 @@ class Outputs:
     as_json: bool
     force: bool
     quiet: bool
+    verbose: bool = False
 
     @property
     def has_alpha(self) -> bool:

@@ -62,14 +62,16 @@ def summary_of_job(
     return summary | {"placement": _placement_summary(job)} | more
 
 
-def line_of_job(
+def lines_of_job(
     rendered: Rendered,
     job: PlacedPictures,
     aligned: ts.layers.Aligned | None,
     out: Outputs,
     executor: Executor | None = None,
 ) -> str:
-    """Describe a result for people: the places of its pictures, then one line."""
+    """Describe a result for people: its size, the share kept, and whether its seams are visible, in one line;
+    with ``--verbose`` before that the places of its pictures, and its seams.
+    """
     composed = rendered.composition
     height, width = composed.shape
     size, kept = f"{width} × {height} px", f"{100 * composed.kept:.0f} % kept"
@@ -77,36 +79,44 @@ def line_of_job(
         size = f"only {kept}{_kept_by(out)}; {size}"
     elif rendered.at is not None:
         size = f"{size}, {kept}"
-    text = f"{out.output}: {size}, {_describe_seams(composed, executor)}"
-    if click.get_current_context().params.get("give"):
-        text += f", bent by up to {composed.bent:.1f} px" if composed.bent else ", bent nowhere"
     if rendered.filled:
-        text += f", {100 * rendered.filled:.1f} % of its pixels filled"
-    placed = [*_placement_lines(job.layers, job.placement), *_describe_alignment(job.layers, aligned)]
-    return "\n".join(map(printable, [*placed, text]))
+        size += f", {100 * rendered.filled:.1f} % filled"
+    if click.get_current_context().params.get("give"):
+        size += f", bent by up to {composed.bent:.1f} px" if composed.bent else ", bent nowhere"
+    lines = [f"{out.output}: {size}{_judged(composed, executor)}"]
+    if out.verbose:
+        found = [*_placement_lines(job.layers, job.placement), *_describe_alignment(job.layers, aligned)]
+        lines = [*found, _describe_seams(composed, executor), *lines]
+    return "\n".join(map(printable, lines))
+
+
+def _judged(composed: ts.layers.Composition, executor: Executor | None) -> str:
+    """Say whether seams are visible in the picture, and whether the search of one failed."""
+    if not composed.pairs:
+        return f", {len(composed.names)} layers without a seam"
+    verdict = _worst_inside([one.verdict for one in composed.figures(executor).values()], composed.cropped)
+    judged = "" if verdict is None else f": {verdict}"
+    if len(composed.names) == 2:
+        (seam,) = composed.outlines
+        if seam.termination == ts.optimize.Termination.ITERATIONS:
+            judged += "; the heat did not settle on a single line, so this is the best cut of what it left"
+    return judged
 
 
 def _describe_seams(composed: ts.layers.Composition, executor: Executor | None) -> str:
-    """Describe the seams of a composition, and whether they are visible in the picture."""
-    if not composed.pairs:
-        return f"{len(composed.names)} layers without a seam"
+    """Describe the search of the seams of a composition."""
     figures, solution = composed.figures(executor).values(), composed.solution
     length, cost = round(sum(one.length for one in figures)), sum(one.cost for one in figures)
-    steps, end = "", ""
-    if len(composed.names) == 2:
+    if len(composed.names) == 2 and composed.pairs:
         (seam,) = composed.outlines
         steps = f" in {counted(seam.iterations, 'iteration')}" if seam.iterations else ""
         found = f"seam of {length} px by {solution.method}{steps}"
-        if seam.termination == ts.optimize.Termination.ITERATIONS:
-            end = "; the heat did not settle on a single line, so this is the best cut of what it left"
     else:
         found = (
             f"{len(composed.names)} layers, {counted(len(composed.pairs), 'seam')} of {length} px in all by "
             f"{solution.method}, {counted(solution.rounds, 'round')}"
         )
-    verdict = _worst_inside([one.verdict for one in figures], composed.cropped)
-    judged = "" if verdict is None else f": {verdict}"
-    return f"{found}, cost {cost:.4g}, {solution.seconds:.2f} s{judged}{end}"
+    return f"{found}, cost {cost:.4g}, {solution.seconds:.2f} s"
 
 
 def _worst_inside(

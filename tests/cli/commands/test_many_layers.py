@@ -26,6 +26,7 @@ def test_three_pictures_at_given_places(three, toposeam):
         "o.png",
         "--seam",
         "s.svg",
+        "-v",
     )
     assert ran.code == 0, ran
     assert "3 layers, 3 seams" in ran.out
@@ -117,7 +118,7 @@ def test_alignment_says_what_it_did(three, toposeam):
         "--labels",
         "labels.png",
     ]
-    ran = toposeam("stitch", *line)
+    ran = toposeam("stitch", *line, "-v")
     assert ran.code == 0, ran
     assert "b.png: at 40,4, moved by -3,3" in ran.out
     assert "c.png: at 20,30, moved by 2,-2" in ran.out

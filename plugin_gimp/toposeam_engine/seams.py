@@ -37,6 +37,7 @@ def stitch(job: EngineJob) -> dict[str, Any]:
     given = layers_of(job)
     placed, found = stitched(job, given)
     result = placed.about | {"hidden": [placed.numbers[index] for index in found.hidden]}
+    result["blend"] = found.blending.name
     layers, old = placed.layers, [given[number] for number in placed.numbers]
     if "crop" in job.options:
         made = framed(placed, found, str(job.options["crop"]))
@@ -63,13 +64,13 @@ def stitched(job: EngineJob, layers: Sequence[ts.Layer]) -> tuple[PlacedLayers, 
         tones = shading = False
         options |= {"blend": "none"}
         options.pop("blend_width", None)
-    if tones or shading:
-        place = place._replace(layers=ts.layers.match_tones(place.layers, shading=shading))
 
     def report(share: float) -> None:
         job.progress(start + (1 - start) * share)
 
-    return place, ts.stitch(place.layers, avoid=outside(job, place.layers), progress=report, **options)
+    options |= {"match_tones": tones, "match_shading": shading}
+    found = ts.stitch(place.layers, avoid=outside(job, place.layers), progress=report, **options)
+    return place._replace(layers=list(found.layers)), found
 
 
 def _filled(job: EngineJob, shown: ts.layers.Composition) -> dict[str, Any] | None:

@@ -19,7 +19,7 @@ SETTINGS: dict[str, tuple[str, ...]] = {
     "model": ("auto", "shift", "similarity", "plane", "rotation"),
     "projection": ("auto", "flat", "cylinder", "sphere", "panini"),
     "level": ("yes", "no"),
-    "blend": ("none", "feather", "soft", "multiband", "gradient"),
+    "blend": ("auto", "none", "feather", "soft", "multiband", "gradient"),
     "tones": ("none", "gains", "shading"),
     "crop": ("fit", "inside", "outside"),
 }

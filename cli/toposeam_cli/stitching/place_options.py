@@ -293,7 +293,7 @@ def with_defaults(find: SeamOptions, out: Outputs, kind: str) -> tuple[SeamOptio
     find = find.with_stitch(
         match_tones=bool(tones),
         match_shading=bool(shading),
-        blend=find.of_stitch("blend") or ("multiband" if photographs else "none"),
+        blend=find.of_stitch("blend") or ("auto" if photographs else "none"),
     )
     if photographs and out.crop is None and out.background is None and out.output.suffix.lower() != ".ora":
         out = replace(out, crop="inside" if out.fill_edges is not None else "fit")

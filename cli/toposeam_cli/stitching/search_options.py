@@ -110,7 +110,8 @@ def seam_options(command: Callable[..., Any]) -> Callable[..., Any]:
             heading="Tones and blend",
             kept=True,
             type=click.Choice(ts.layers.BLENDS),
-            help="What happens across the seams; multiband for photographs, else none.",
+            help="What happens across the seams. auto, the default of photographs, is gradient where a sky "
+            "is burnt out in one of two pictures, else multiband; others have none.",
         ),
         option(
             "--blend-width",

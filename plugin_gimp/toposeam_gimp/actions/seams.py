@@ -76,7 +76,7 @@ def _joined(call: Call, options: Mapping[str, Any], selected: Gimp.Image | None)
             blended = put_pixels(folder, image, group, _("Blended seams"), answer.get("blended"))
             put_pixels(folder, image, group, _("Filled corners"), answer.get("filled"))
             seams = draw_seams(image, answer["seams"], undone, visible=options["show-seam"])
-            kept = {name: options[name] for name in ("blend", "blend-width", "law")}
+            kept = {"blend": answer["blend"], **{name: options[name] for name in ("blend-width", "law")}}
             remember(folder, group, copies, seams, blended, {"kind": "group", "options": kept}, answer)
             for layer in layers if options["keep-layers"] else _others(layers, used):
                 undone.append(partial(layer.set_visible, layer.get_visible()))

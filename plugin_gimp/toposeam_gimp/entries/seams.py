@@ -39,6 +39,7 @@ _BLEND = Option(
     default="none",
     help=_("What happens across the seams; what it changes is put into a layer of its own above the others"),
     choices=(
+        ("auto", _("Automatic")),
         ("none", _("No blending")),
         ("feather", _("Soft edge")),
         ("soft", _("Soft edge, wider where it does not show")),
@@ -54,7 +55,7 @@ _WIDTH = number(
     (0.0, 512.0),
     automatic=_("Automatic"),
     typical=16,
-    applies=("blend", ("feather", "multiband", "gradient")),
+    applies=("blend", ("auto", "feather", "multiband", "gradient")),
 )
 _TONES = Option(
     name="match-tones",
@@ -187,7 +188,7 @@ SEAM_ENTRIES = (
                 help=_("Even out exposure and white balance, and that lenses darken towards their corners"),
                 applies=_PHOTOGRAPHS,
             ),
-            replace(_BLEND, default="multiband", applies=_PHOTOGRAPHS),
+            replace(_BLEND, default="auto", applies=_PHOTOGRAPHS),
             _SHOW,
             Option(
                 name="model",

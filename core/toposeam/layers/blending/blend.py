@@ -1,6 +1,8 @@
 """Blend across the seams of a composite, tile by tile, by a blend that is chosen by name.
 
 =============  ===========================================================================================
+``auto``       `gradient` where much of an overlap is burnt out in one of two layers, whose exposures
+               differ, and tones are matched (:func:`toposeam.layers.exposure.burnt_apart`); else `multiband`
 ``none``       nothing: a hard cut
 ``feather``    the two layers fade into each other across the seam, over `width` px (`fading`)
 ``soft``       they fade as the label potential of the heat method does: wide where the layers agree,
@@ -34,11 +36,12 @@ from toposeam.layers.canvas.layer import Box, cut
 from toposeam.layers.canvas.tile_map import uniform
 from toposeam.seam.result.seam import Seam, potential_on_window
 
-Blend = Literal["none", "feather", "soft", "multiband", "gradient"]
+Blend = Literal["auto", "none", "feather", "soft", "multiband", "gradient"]
 
 BLENDS: tuple[Blend, ...] = get_args(Blend)
 #: Module and class of each blend, imported on first use.
 _CLASSES: dict[Blend, tuple[str, str]] = {
+    "auto": ("multiband", "Multiband"),
     "none": ("blend", "Blending"),
     "feather": ("fading", "Feather"),
     "soft": ("fading", "Soft"),

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy.typing as npt
 
-from toposeam.images import full_scale
+from toposeam.images import Windows, full_scale
 from toposeam.layers.blending.blend import Blend, blending_of
 from toposeam.layers.canvas.canvas import Canvas, common_canvas
 from toposeam.layers.canvas.largest_rectangle import largest_full
@@ -39,7 +39,7 @@ def stitch(layers: Sequence[Layer] | Sequence[npt.NDArray[Any]], **keywords: Any
         :class:`toposeam.Windows`: the picture is computed when it is read, whole or by windows. The places
         of plain arrays are found first, by :func:`toposeam.find_places`; arrays that match none of the
         others are left out with a warning. Photographs among them, which have to be turned or bent, are
-        joined as ``toposeam stitch`` joins them: with ``blend="multiband"`` and ``match_shading=True``
+        joined as ``toposeam stitch`` joins them: with ``blend="auto"`` and ``match_shading=True``
         unless these are given, and fitted to a rectangle (:func:`toposeam.layers.fitted`; ``result.canvas``
         has all). Arrays that only have to be moved, and layers, stay as they are.
     **keywords
@@ -91,14 +91,18 @@ def _joined(layers: Sequence[Layer], options: StitchOptions) -> Composition:
     check_alike(layers)
     paths = paths_by_pair(options.use_path, len(layers))
     canvas = common_canvas(layers, max_megapixels=options.max_megapixels, wrap=options.wrap)
+    blending = options.blending
     if options.match_tones or options.match_shading:
-        from toposeam.layers.exposure.gains import match_tones
+        from toposeam.layers.exposure.gains import burnt_apart, match_tones
 
-        toned = match_tones(layers, shading=options.match_shading, executor=options.executor)
+        stored = any(isinstance(layer.image, Windows) for layer in layers)
+        burnt = options.blend == "auto" and not stored and burnt_apart(layers, canvas.places)
+        toned = match_tones(layers, shading=options.match_shading, gray=burnt, executor=options.executor)
         canvas = canvas.with_layers(toned)
+        blending = blending_of("gradient", options.blend_width) if burnt else blending
     canvas.check_covers()
     label_map, seams = find_label_map(canvas, SeamSearch.of(options, len(layers)), paths)
-    return Composition(canvas=canvas, solution=label_map, blending=options.blending, _seams=seams)
+    return Composition(canvas=canvas, solution=label_map, blending=blending, _seams=seams)
 
 
 def _half(options: StitchOptions, start: float) -> Callable[[float], None] | None:
@@ -130,7 +134,7 @@ def _with_places(
         wrap = found.wrap if options.wrap is None else options.wrap
         bent = not all(map(is_move, found.transforms))
         if bent and "blend" not in given:
-            options = dataclasses.replace(options, blend="multiband")
+            options = dataclasses.replace(options, blend="auto")
         if bent and not {"match_tones", "match_shading"} & set(given):
             options = dataclasses.replace(options, match_shading=True)
         return found.layers, dataclasses.replace(options, wrap=wrap), bent

@@ -1,7 +1,8 @@
-from .gains import match_tones
+from .gains import burnt_apart, match_tones
 from .linear_light import encoded
 
 __all__ = [
+    "burnt_apart",
     "encoded",
     "match_tones",
 ]

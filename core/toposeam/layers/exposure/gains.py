@@ -28,6 +28,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
@@ -55,6 +56,9 @@ LARGEST_GAIN = 16.0
 _LINEAR_SHARE, _BEYOND_WHITE = 0.001, 1.05
 #: Pixels of an overlap that are compared at most, and at least.
 _SAMPLE, _LEAST_PIXELS = 250_000, 16
+#: A value that counts as burnt out, as a share of white; share of an overlap that is burnt out in one of two
+#: layers, and the logarithm of their ratio in any channel, above which gains alone leave a step there.
+_BURNT, _BURNT_SHARE, _APART = 0.98, 0.2, 0.1
 #: Share of a layer's pixels that are to stay below white.
 _BELOW_WHITE = 0.999
 
@@ -133,8 +137,35 @@ def tone_gains(
     return np.clip(np.exp(logarithm), 1 / LARGEST_GAIN, LARGEST_GAIN), samples
 
 
+def burnt_apart(layers: Sequence[Layer], places: Sequence[Box]) -> bool:
+    """Test whether much of an overlap is burnt out in one of two layers, whose exposures differ.
+
+    What is burnt out has lost its light and its hue, so that no gain makes such layers agree there.
+    """
+    count = max(1 if layer.image.ndim == 2 else layer.image.shape[2] for layer in layers)
+    placed = list(zip(layers, places, strict=True))
+    for a, b in itertools.combinations(placed, 2):
+        common = a[1].shared(b[1])
+        if not all(common.shape):
+            continue
+        windows = [_window(*one, common, _step(common)) for one in (a, b)]
+        known = np.broadcast_to(windows[0][1] & windows[1][1], windows[0][0].shape[:2])
+        burnt = np.zeros(known.shape, bool)
+        for (values, _), (layer, _) in zip(windows, (a, b), strict=True):
+            burnt |= values.max(axis=2) >= _BURNT * layer.white
+        if known.any() and burnt[known].mean() > _BURNT_SHARE:
+            ratios = _log_ratios((*a, *b, count, False))
+            if any(ratio is not None and abs(ratio[0]) > _APART for ratio in ratios):
+                return True
+    return False
+
+
 def match_tones(
-    layers: Sequence[Layer], *, shading: bool = False, executor: Executor | None = None
+    layers: Sequence[Layer],
+    *,
+    shading: bool = False,
+    gray: bool = False,
+    executor: Executor | None = None,
 ) -> list[Layer]:
     """Give layers one gain per channel each, so that they agree where they overlap.
 
@@ -145,6 +176,8 @@ def match_tones(
     shading : bool
         Also give each layer a smooth field of gain, against lenses that darken towards the corners
         (:mod:`toposeam.layers.exposure.gains`).
+    gray : bool
+        Give all channels of a layer the same gain, so that hues stay.
     executor : Executor, optional
         Where pairs are compared (:mod:`toposeam.layers.execution.tasks`).
 
@@ -167,6 +200,7 @@ def match_tones(
     """
     layers = check_layers(layers)
     check_choice("shading", shading, (True, False))
+    check_choice("gray", gray, (True, False))
     check_executor(executor)
     for layer in layers:
         if not isinstance(layer.image, Windows):
@@ -176,6 +210,8 @@ def match_tones(
     floats = [layer for layer in layers if np.issubdtype(layer.image.dtype, np.floating)]
     linear = any(list(results(executor, _beyond_white, floats)))
     gains, samples = tone_gains(layers, places, executor, linear)
+    if gray:
+        gains = np.repeat(np.exp(np.log(gains).mean(axis=1, keepdims=True)), gains.shape[1], axis=1)
     fields: Sequence[Field | None] = [None] * len(layers)
     if shading:
         fields = _find_fields(layers, places, [sample.box for sample in samples], gains, linear)

@@ -366,7 +366,7 @@ def test_layers_without_a_telling_pixel_stay_as_they_are():
 
 
 ERRORS = {
-    "kind": ({"blend": "magic"}, "choose one of none, feather"),
+    "kind": ({"blend": "magic"}, "choose one of auto, none, feather"),
     "width of none": ({"blend_width": 3}, "leave it out"),
     "width of soft": ({"blend": "soft", "blend_width": 3}, "leave it out"),
     "narrow": ({"blend": "feather", "blend_width": 0.5}, "choose 1 to 512"),

@@ -288,3 +288,30 @@ def test_ratios_of_counted_bytes_are_those_of_sorted_logarithms(holes):
         )
     assert step == 1
     assert found[2] is None
+
+
+def with_a_burnt_sky(times):
+    """A dark view and one exposed `times` longer, both of a blue sky above a wall, that overlap by half."""
+    rng = np.random.default_rng(5)
+    light = np.empty((120, 300, 3))
+    light[:60] = np.array([0.25, 0.4, 0.6]) * np.linspace(0.9, 1.1, 60)[:, None, None]
+    light[60:] = np.array([0.15, 0.1, 0.08]) * (0.4 + rng.random((60, 300, 1)))
+    pictures = [np.minimum(light[:, :200], 1), np.minimum(times * light[:, 100:], 1)]
+    return [ts.Layer(rendered(picture), at=(x, 0)) for picture, x in zip(pictures, (0, 100), strict=True)]
+
+
+def test_burnt_skies_are_levelled_by_gradients_and_keep_their_hue():
+    layers = with_a_burnt_sky(2.5)
+    stitched = ts.stitch(layers, blend="auto", match_tones=True)
+    assert stitched.blending.name == "gradient"
+    sky = stitched.image[10:50].astype(float)
+    assert np.abs(np.diff(sky, axis=1)).max() <= 3  # levels, from column to column
+    assert (np.diff(sky.mean(axis=(0, 1))) > 10).all()  # red, green and blue
+    torn = ts.stitch(layers, blend="multiband", match_tones=True).image[10:50].astype(float)
+    assert np.ptp(torn.mean(axis=0), axis=0).max() > 2 * np.ptp(sky.mean(axis=0), axis=0).max()
+
+
+def test_gradients_are_taken_only_where_a_sky_is_burnt_and_exposures_differ():
+    for layers in (with_a_burnt_sky(1.0), with_a_burnt_sky(1.5)):
+        assert ts.stitch(layers, blend="auto", match_tones=True).blending.name == "multiband"
+    assert ts.stitch(with_a_burnt_sky(2.5), blend="auto").blending.name == "multiband"  # as tones stay

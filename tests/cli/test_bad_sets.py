@@ -37,9 +37,37 @@ def test_pictures_of_two_scenes_are_two_groups(crops, toposeam, tmp_path):
     line = ("stitch", *crops, "e.png", "f.png", "-o", "all.png")
     toposeam(*line, "--exact").fails("e.png and f.png show something else")
     nothing_new(tmp_path, before)
-    ran = toposeam(*line)
+    ran = toposeam(*line, "--one")
     assert ran.code == 0, ran
     assert "left out: e.png shows something else, together with f.png" in ran.err
+    ran = toposeam(*line, "--force")
+    assert (ran.code, ran.err) == (0, "")
+    assert read_picture("all-2.png").pixels.shape[:2] == (240, 340)
+
+
+@pytest.mark.medium
+def test_every_panorama_of_a_folder_is_made(crops, toposeam, tmp_path):
+    for name, at in (("e", (0, 0)), ("f", (100, 20))):
+        write_picture(tmp_path / f"{name}.png", Picture(pixels=crop(data.chelsea(), at, (220, 240))))
+    (tmp_path / "Thumbs.db").write_bytes(b"no picture")
+    (tmp_path / ".hidden").write_bytes(b"no picture")
+    (tmp_path / "broken.jpg").write_bytes(b"no picture")
+    for more in ((), ("--force",)):  # what was made is not read again
+        ran = toposeam("stitch", ".", "-o", "all.png", *more)
+        assert ran.code == 0, ran
+        assert [line.split(":")[0] for line in ran.out.splitlines()] == ["all.png", "all-2.png"]
+        first, second = ran.err.splitlines()
+        assert first == "left out, as they are no pictures: Thumbs.db"
+        assert second.startswith("left out: cannot read 'broken.jpg'")
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_a_folder_without_pictures_is_refused(toposeam, tmp_path, monkeypatch, count):
+    monkeypatch.chdir(tmp_path)
+    for number in range(count):
+        write_picture(tmp_path / f"{number}.png", Picture(pixels=np.zeros((9, 9), np.uint8)))
+    number = f"{count} picture{'s' * (count != 1)}"
+    toposeam("stitch", ".", "-o", "all.png").fails(f"the folder '.' holds {number}; put two or more there")
 
 
 @pytest.mark.medium

@@ -17,6 +17,7 @@ from toposeam.images import Windows
 from toposeam_cli.app.command import Command
 from toposeam_cli.app.options import FILE, force_option, placement, quiet_option, taken
 from toposeam_cli.app.progress import say, share_bar
+from toposeam_cli.files.folders import in_folders
 from toposeam_cli.files.writing import all_or_nothing
 from toposeam_cli.stitching.inputs import LAYOUTS, PlacedPictures, arrange
 from toposeam_cli.stitching.joining import join
@@ -84,12 +85,13 @@ if TYPE_CHECKING:
 def stitch(first: Path, second: Path | None, others: tuple[Path, ...], **given: Any) -> dict[str, Any]:
     """Join pictures where they overlap, along seams that nobody sees.
 
-    A is the first picture, or an OpenRaster file (.ora), layout (.toml, .json) or Hugin project (.pto) with
-    all of them; later pictures lie on top. Where nobody says where they lie, nor TIFF files as Hugin's nona
-    writes them, that is found out from what they show, and pictures are warped as they need it.
+    A is the first picture, or a folder, an OpenRaster file (.ora), layout (.toml, .json) or Hugin project
+    (.pto) with all of them; later pictures lie on top. Where nobody says where they lie, nor TIFF files as
+    Hugin's nona writes them, that is found out from what they show, and pictures are warped as they need it.
 
     \b
     toposeam stitch *.jpg -o all.jpg
+    toposeam stitch holiday/ -o all.jpg   (every panorama in it: all.jpg, all-2.jpg, ...)
     toposeam stitch left.png right.png --overlap 120 -o joined.png
     toposeam stitch map1.tif map2.tif --offset 1830,-12 -o map.tif --seam seam.svg
     toposeam stitch a.jpg b.jpg c.jpg --at 0,0 --at 900,10 --at 450,700 --align -o all.ora
@@ -98,6 +100,11 @@ def stitch(first: Path, second: Path | None, others: tuple[Path, ...], **given: 
     files = [path for path in (first, second, *others) if path is not None]
     if given["offset"] is not None and len(given["offset"]) == 3:
         return _stitch_clips(files, given)
+    if any(path.is_dir() for path in files):
+        files, left_out = in_folders(files, given["output"])
+        given["skip_bad"] = True
+        if left_out and not given["quiet"]:
+            say(f"left out, as they are no pictures: {', '.join(left_out)}", err=True)
     layout = None
     if len(files) == 1 and files[0].suffix.lower() in LAYOUTS:
         from toposeam_cli.stitching.saved_layout import taken_layout
@@ -111,8 +118,9 @@ def stitch(first: Path, second: Path | None, others: tuple[Path, ...], **given: 
         from toposeam_cli.stitching.saved_layout import check_saving
 
         check_saving(out, files, layout, placed=where != Where() or finding.is_plane)
+    one = {"--mask-for": given["masks"], "--keep": given["keeps"], "--use-seam": find.use_seam}
+    finding = finding.with_groups([name for name, value in one.items() if value])
     if finding.groups:
-        _check_groups(given, find)
         check_outputs(numbered(out, 2))
 
     def joined(
@@ -122,10 +130,10 @@ def stitch(first: Path, second: Path | None, others: tuple[Path, ...], **given: 
             return _stitch(members, where, finding, find, out, given, layout, means)
 
     job, result = joined(files, finding, out)
-    for number, members in enumerate(job.other_groups if finding.groups else (), 2):
+    for number, members in enumerate(() if finding.groups is False else job.other_groups, 2):
         own = numbered(out, number)
-        check_outputs(own)
         try:
+            check_outputs(own)
             found = joined(members, finding.without_names(files, members), own)[1]
             result.setdefault("groups", []).append(found)
         except ts.OverlapError as error:
@@ -133,14 +141,6 @@ def stitch(first: Path, second: Path | None, others: tuple[Path, ...], **given: 
     if out.as_json:
         say(json.dumps(result, indent=2), lines=True)
     return result
-
-
-def _check_groups(given: dict[str, Any], find: SeamOptions) -> None:
-    """Refuse options that name pictures of one group."""
-    one = {"--mask-for": given["masks"], "--keep": given["keeps"], "--use-seam": find.use_seam}
-    for name, value in one.items():
-        if value:
-            raise ts.OptionError(f"{name} names pictures of one group; leave it or --groups out")
 
 
 def _stitch(

@@ -119,11 +119,11 @@ def finding_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "picture, x, y; at least four for a pair.",
         ),
         option(
-            "--groups",
+            "--groups/--one",
             heading="Finding places",
-            is_flag=True,
-            help="Join pictures that show something else, too, into files of their own: OUTPUT-2, OUTPUT-3, "
-            "...",
+            default=None,
+            help="Pictures that show something else are joined, too, into files of their own, OUTPUT-2, "
+            "OUTPUT-3, ..., the default where no option names pictures; or only the largest group is joined.",
         ),
         option(
             "--as",
@@ -154,13 +154,25 @@ class FindingOptions:
     fov: float | None
     horizon: Horizon | None
     points: Path | None
-    groups: bool
+    groups: bool | None
     kind: str | None
 
     @property
     def is_plane(self) -> bool:
         """Whether pictures are asked to lie on one plane, as no turning camera takes them."""
         return self.exact or self.model in ("shift", "similarity", "plane")
+
+    def with_groups(self, named: Sequence[str]) -> FindingOptions:
+        """Join one group only where options, `named`, name pictures of it.
+
+        Raises
+        ------
+        OptionError
+            If both are asked for.
+        """
+        if self.groups and named:
+            raise ts.OptionError(f"{named[0]} names pictures of one group; leave it or --groups out")
+        return replace(self, groups=False) if named else self
 
     def without_names(self, files: Sequence[Path], members: Sequence[Path]) -> FindingOptions:
         """Return the options for a part of the files, without references to others."""
@@ -223,7 +235,7 @@ class FindingOptions:
             focal_mm=self.focal,
             horizon=self.horizon,
             named=tuple(given),
-            takes_groups=self.groups,
+            takes_groups=self.groups is not False,
         )
 
 

@@ -109,7 +109,7 @@ def test_the_keys_are_the_same_for_all_ways(row, toposeam, monkeypatch, way):
 )
 def test_figures_are_the_same_of_pictures_in_files(row, toposeam, monkeypatch, way):
     """All but the least possible costs, which are not computed then, and seconds."""
-    words = "stitch", *WAYS[way], "-o", "out.tif", "--force"
+    words = "stitch", *WAYS[way], "-o", "out.tif", "--force", "-v"
     facts, line = told(toposeam(*words, "--json")), toposeam(*words).out
     monkeypatch.setattr(inputs, "STORED_PIXELS", 0)
     stored, stored_line = told(toposeam(*words, "--json")), toposeam(*words).out
@@ -123,7 +123,7 @@ def test_figures_are_the_same_of_pictures_in_files(row, toposeam, monkeypatch, w
     seconds = r"\d+\.\d\d s"
     assert re.sub(seconds, "", stored_line) == re.sub(seconds, "", line)
     found = "seam of " if "two" in way else "3 layers, 2 seams of "
-    assert re.search(rf" px,( \d+ % kept,)? {found}", line)
+    assert re.search(rf"^{found}.*\nout.tif: .* px(, \d+ % kept)?: ", line, re.MULTILINE)
 
 
 @pytest.mark.medium

@@ -101,7 +101,7 @@ def test_masks_and_blended_pixels_compose_core_s_result(request_folder, pair, bl
     layers = [request_folder.raster("a", pair[0]), request_folder.raster("b", pair[1], (20, 5))]
     options = {"blend": blend, "blend_width": 6, "match_tones": True}
     result = result_of(request_folder.ask(operation="stitch", layers=layers, options=options))
-    width = {"blend_width": 6.0} if blend in ("feather", "multiband", "gradient") else {}
+    width = {"blend_width": 6.0} if blend in ("auto", "feather", "multiband", "gradient") else {}
     placed = [ts.Layer(image=pair[0][..., :3]), ts.Layer(image=pair[1][..., :3], at=(20, 5))]
     expected = ts.stitch(placed, blend=blend, match_tones=True, **width)
     canvas = np.zeros((*expected.masks[0].shape, 4), np.uint8)

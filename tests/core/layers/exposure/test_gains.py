@@ -300,7 +300,7 @@ def with_a_burnt_sky(times):
     return [ts.Layer(rendered(picture), at=(x, 0)) for picture, x in zip(pictures, (0, 100), strict=True)]
 
 
-def test_burnt_skies_are_levelled_by_gradients_and_keep_their_hue():
+def test_burnt_skies_are_joined_by_gradients():
     layers = with_a_burnt_sky(2.5)
     stitched = ts.stitch(layers, blend="auto", match_tones=True)
     assert stitched.blending.name == "gradient"
@@ -311,7 +311,7 @@ def test_burnt_skies_are_levelled_by_gradients_and_keep_their_hue():
     assert np.ptp(torn.mean(axis=0), axis=0).max() > 2 * np.ptp(sky.mean(axis=0), axis=0).max()
 
 
-def test_gradients_are_taken_only_where_a_sky_is_burnt_and_exposures_differ():
+def test_skies_of_equal_exposure_need_no_gradients():
     for layers in (with_a_burnt_sky(1.0), with_a_burnt_sky(1.5)):
         assert ts.stitch(layers, blend="auto", match_tones=True).blending.name == "multiband"
     assert ts.stitch(with_a_burnt_sky(2.5), blend="auto").blending.name == "multiband"  # as tones stay

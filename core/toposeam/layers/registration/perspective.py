@@ -476,6 +476,8 @@ def camera_transforms(bundle: Bundle, view: View) -> tuple[tuple[CameraTransform
     pitches = np.concatenate([np.arcsin(np.clip(ray[:, 1], -1, 1)) for ray in rays])
     low, high = float(pitches.min()), float(pitches.max())
     projection = view.projection or _suitable(across, math.degrees(high - low), math.degrees(max(-low, high)))
+    if projection == "sphere" and view.projection is None and _is_ahead(rays, middle, (low + high) / 2):
+        projection = "flat"  # looked up, pictures span more degrees across than they show
     if projection == "flat":
         turns = _pitched((low + high) / 2 if view.centre is None else _pitch(turns[view.centre])) @ turns
     round_way = whole and view.closed and projection in ("cylinder", "sphere") and across >= 360
@@ -496,6 +498,13 @@ def camera_transforms(bundle: Bundle, view: View) -> tuple[tuple[CameraTransform
         ),
         width,
     )
+
+
+def _is_ahead(rays: Sequence[Floats], yaw: float, pitch: float) -> bool:
+    """Test whether no ray of all pictures is farther off a direction than the corners of a flat canvas."""
+    ahead = np.array([math.sin(yaw) * math.cos(pitch), math.sin(pitch), math.cos(yaw) * math.cos(pitch)])
+    corner = math.atan(math.hypot(*(math.tan(math.radians(side) / 2) for side in _LARGEST_FLAT)))
+    return min(float((ray @ ahead).min()) for ray in rays) >= math.cos(corner)
 
 
 def _suitable(across: float, down: float, steepest: float) -> Projection:

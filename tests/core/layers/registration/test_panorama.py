@@ -163,7 +163,8 @@ def test_cameras_that_look_straight_down_are_not_levelled():
         ((-25, 0, 25), 0, "cylinder"),  # 98°
         (range(-80, 81, 20), 0, "cylinder"),
         (range(0, 360, 30), 0, "cylinder"),
-        ((-25, 0, 25), 38, "sphere"),  # up to 55° down
+        ((-25, 0, 25), 38, "flat"),  # up to 55° down, but no farther off the middle than a flat corner
+        ((-50, -25, 0, 25, 50), 38, "sphere"),
         (range(0, 360, 30), -40, "sphere"),
     ],
 )

@@ -138,7 +138,10 @@ def run(words: Sequence[str], target: Path | None) -> None:
         if end.code:
             raise
     if target is None:
+        from stamp import stamp
+
         print(table({"s, share": found}))
+        print(stamp())
     else:
         target.write_text(json.dumps(found), encoding="utf-8")
 

@@ -7,7 +7,8 @@
     python benchmarks/guard.py --write               and keep what was better, and the times
 
 The cases are 200 seams, 100 small and 12 large piles, 30 frames that overlap by 60 %, 20 textures, 12 holes,
-40 volumes and 20 motifs (guard_cases.py). Each has one or two figures, of which less is better:
+40 volumes, 20 motifs and 2 stitches of photographs, from finding their places to pixels (guard_cases.py).
+Each has one or two figures, of which less is better:
 
 cost         Σ M of the seam, or of all seams of a pile, or of the surface; infinite where pixels show that
              are not there. For the laws "gradient" and "colour" it is computed by the guard from the labels,

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -344,6 +345,33 @@ def motifs() -> Iterator[Case]:
         yield Case(repeat, prepare)
 
 
+#: Of the samples.
+PHOTOGRAPHS = (("coffee_a.jpg", "coffee_b.jpg", "coffee_c.jpg"), ("portrait_left.jpg", "portrait_right.jpg"))
+
+
+def stitches() -> Iterator[Case]:
+    """Two stitches of photographs, all of it: places, warps, tones, seams, bands, pixels."""
+    from PIL import Image
+
+    samples = Path(__file__).parents[1] / "samples"
+    for files in PHOTOGRAPHS:
+
+        def prepare(files: tuple[str, ...] = files) -> Prepared:
+            layers = [ts.Layer(np.asarray(Image.open(samples / file)), name=file) for file in files]
+
+            def run() -> Any:
+                found = ts.find_places(layers)
+                composed = ts.stitch(found.layers, match_shading=True, blend="multiband", wrap=found.wrap)
+                return composed, composed.image
+
+            def judge(joined: Any) -> Figures:
+                return {"cost": joined[0].cost}
+
+            return run, judge
+
+        yield Case(files[0], prepare)
+
+
 ROOMS: dict[str, Callable[[], Iterator[Case]]] = {
     "seams": seams,
     "small piles": small_piles,
@@ -353,4 +381,5 @@ ROOMS: dict[str, Callable[[], Iterator[Case]]] = {
     "textures": textures,
     "holes": holes,
     "motifs": motifs,
+    "photographs": stitches,
 }

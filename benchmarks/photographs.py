@@ -6,6 +6,7 @@ whole commands compare with OpenCV's Stitcher and with Hugin.
     python benchmarks/photographs.py --mixed 10
     python benchmarks/photographs.py --photographs FOLDER   real sets, ours and the peers
     python benchmarks/photographs.py --photographs FOLDER --only NAME,NAME --keep seen
+    python benchmarks/photographs.py --photographs FOLDER --only NAME,NAME --stages
 
 Rendered sets are views of one sphere or one plane (``rendered_views.py``): rows of pictures, two rows, a
 whole turn, a wall seen at a tilt of up to 12°, a scan. Each picture is 500 to 900 px long, exposed up to
@@ -20,7 +21,8 @@ wrongly* when pictures of different scenes are placed together.
 Real sets lie in FOLDER as ``sets/NAME/*`` and ``pairs/NAME_l.jpg``, ``pairs/NAME_r.jpg``. Each program is a
 command in a process of its own, with one thread. Seconds are processor time, with that of the processes it
 starts. MB is the largest resident set of one of them. Of OpenCV, what PANORAMA mode takes is compared where
-that joins the set, and what SCANS mode takes elsewhere. Programs that are not installed are left out:
+that joins the set, and what SCANS mode takes elsewhere. ``--stages`` adds where the time of a set goes
+(``stages.py``, in a run of its own). Programs that are not installed are left out:
 
     pip install opencv-python-headless     (or opencv-python)
     apt install hugin-tools enblend
@@ -37,8 +39,9 @@ import sys
 import tempfile
 import textwrap
 import time
+from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +50,7 @@ import numpy as np
 import toposeam as ts
 from measured import measured
 from rendered_views import PHOTOGRAPHS, Views, make_views
+from stages import JOINING, PLACING, stages_of, table
 from stamp import stamp
 from toposeam.layers.canvas.transforms import Transform
 
@@ -195,17 +199,34 @@ def mixed(first: int, count: int, seed: int) -> None:
 
 OURS, PANORAMA, SCANS, HUGIN = "TopoSeam", "OpenCV", "OpenCV, scans", "Hugin"
 
+#: Stages of Hugin's programs.
+OF_HUGIN = {
+    **dict.fromkeys(("pto_gen", "cpfind", "cpclean", "autooptimiser", "pano_modify"), PLACING),
+    "hugin_executor": JOINING,
+}
 #: Mode, output, pictures.
 OPENCV = """
-import sys, cv2
+import json, sys, time, cv2
+spent = [0.0]
+def passed():
+    spent.append(time.process_time())
+    return spent[-1] - spent[-2]
 cv2.setNumThreads(1)
+stages = {"start, imports": passed()}
 stitcher = cv2.Stitcher_create(getattr(cv2, "Stitcher_" + sys.argv[1]))
 stitcher.setCompositingResol(-1)
-status, joined = stitcher.stitch([cv2.imread(name) for name in sys.argv[3:]])
+images = [cv2.imread(name) for name in sys.argv[3:]]
+stages["read"] = passed()
+status = stitcher.estimateTransform(images)
+stages["features to placing"] = passed()
+if status == cv2.Stitcher_OK:
+    status, joined = stitcher.composePanorama()
 if status != cv2.Stitcher_OK:
     sys.exit(f"status {status}")
+stages["warp to blend"] = passed()
 cv2.imwrite(sys.argv[2], joined)
-print('{"used": %d}' % len(stitcher.component()))
+stages["crop, write"] = passed()
+print(json.dumps({"used": len(stitcher.component()), "stages": stages}))
 """
 
 
@@ -220,6 +241,8 @@ class Outcome:
     #: Pictures it used, where that is known.
     used: int | None = None
     said: str = ""
+    #: Seconds by stage, as far as the program tells them.
+    stages: dict[str, float] = field(default_factory=dict)
 
 
 def programs(files: list[str]) -> dict[str, tuple[str, list[list[str]]]]:
@@ -245,18 +268,20 @@ def programs(files: list[str]) -> dict[str, tuple[str, list[list[str]]]]:
 def outcome(commands: list[list[str]], written: Path) -> Outcome:
     """Run the commands one after the other in the folder of what they write."""
     seconds, megabytes, left = 0.0, 0.0, float(LIMIT)
-    said = ""
+    said, stages = "", Counter[str]()
     for command in commands:
         ran = measured(["timeout", "-k", "5", f"{max(left, 1):.0f}", *command], written.parent)
         seconds, megabytes, left = seconds + ran.seconds, max(megabytes, ran.megabytes), left - ran.clock
         said = ran.said
+        stages[OF_HUGIN.get(command[0], "")] += ran.seconds
         if ran.code:
             return Outcome("late" if ran.code in (124, 137) else "refused", seconds, megabytes, said=said)
     if not written.exists():
         return Outcome("refused", seconds, megabytes, said=said)
     project = written.parent / "set.pto"
     used = connected(project.read_text(encoding="utf-8")) if project.exists() else None
-    return Outcome("joined", seconds, megabytes, used, said)
+    told = dict(stages) if "" not in stages else answer(said).get("stages", {})
+    return Outcome("joined", seconds, megabytes, used, said, told)
 
 
 def connected(project: str) -> int:
@@ -318,7 +343,7 @@ def real_sets(folder: Path) -> dict[str, list[Path]]:
     return found
 
 
-def photographs(folder: Path, only: list[str], keep: Path | None) -> None:
+def photographs(folder: Path, only: list[str], keep: Path | None, staged: bool) -> None:
     sets = {name: files for name, files in real_sets(folder).items() if not only or name in only}
     if missing := set(only) - set(sets):
         raise SystemExit(f"no such sets in {folder}: {', '.join(sorted(missing))}")
@@ -344,6 +369,12 @@ def photographs(folder: Path, only: list[str], keep: Path | None) -> None:
                     shutil.copy(written, keep / f"{name}-{label}{written.suffix}")
         all_found.append(found)
         print(f"{name:<14}{len(files):>8}" + "".join(cell(found[p], len(files)) for p in names), flush=True)
+        if staged:
+            words = ["stitch", *(str(file.resolve()) for file in files), "-o", "out.jpg", "--json"]
+            with tempfile.TemporaryDirectory(prefix="photographs-") as own:
+                columns = {OURS: stages_of(words, Path(own))}
+            columns |= {p: found[p].stages for p in names if p != OURS}
+            print(textwrap.indent(table(columns), "  "), flush=True)
     joined = {p: sum(found[p].kind == "joined" for found in all_found) for p in names}
     print("joined " + ", ".join(f"{number} by {program}" for program, number in joined.items()), end="")
     print(f", of {len(sets)}")
@@ -376,6 +407,7 @@ def main() -> None:
     parser.add_argument("--photographs", type=Path, metavar="FOLDER", help="real sets, with the peers")
     parser.add_argument("--only", default="", metavar="NAME,NAME", help="of the real sets")
     parser.add_argument("--keep", type=Path, metavar="FOLDER", help="leave the joined pictures there")
+    parser.add_argument("--stages", action="store_true", help="and where the time of each real set goes")
     options = parser.parse_args()
     if options.rendered is options.mixed is options.photographs is None:
         options.rendered, options.mixed = RENDERED, MIXED
@@ -384,7 +416,8 @@ def main() -> None:
     if options.mixed:
         mixed(options.first, options.mixed, options.seed)
     if options.photographs is not None:
-        photographs(options.photographs, [name for name in options.only.split(",") if name], options.keep)
+        only = [name for name in options.only.split(",") if name]
+        photographs(options.photographs, only, options.keep, options.stages)
 
 
 if __name__ == "__main__":

@@ -28,6 +28,7 @@ BASE = {
     "toposeam.checks",
     "toposeam.images",
     "toposeam.colours",
+    "toposeam.typing",
 }
 BELOW = BASE | {
     "toposeam.saving",
@@ -67,7 +68,7 @@ ARROWS = {
     "toposeam.path": BELOW,
     "toposeam.volume": BELOW | {"toposeam.seam"},
     "toposeam.solid": BELOW | {"toposeam.motif", "toposeam.volume"},
-    "toposeam.typing": {"toposeam.layers", "toposeam.seam", "toposeam.texture", "toposeam.volume"},
+    "toposeam.typing": set(),
     "toposeam_cli": set(),
     "toposeam_cli.__main__": {"toposeam_cli.app", "toposeam_gimp"},
     "toposeam_cli.app": CLI_CORE | {"toposeam_cli.files", "toposeam_cli.jobs"},

@@ -6,7 +6,16 @@ import pytest
 
 import toposeam as ts
 from toposeam.display import to_pil, to_png, to_rgba8
-from toposeam.images import as_array, as_float, as_mask, as_planes, box_of
+from toposeam.images import (
+    all_of_squares,
+    as_array,
+    as_float,
+    as_mask,
+    as_planes,
+    as_reduced,
+    box_of,
+    reduced,
+)
 from toposeam.saving import save
 
 
@@ -96,6 +105,32 @@ def test_planes_are_the_float_image_channel_by_channel(dtype, shape, data_range)
     planes = as_planes(image, data_range=data_range)
     assert planes.flags.c_contiguous
     np.testing.assert_array_equal(np.moveaxis(planes, 0, -1), as_float(image, data_range=data_range))
+
+
+@pytest.mark.parametrize("dtype", ["uint8", "uint16", "float32", "bool"])
+@pytest.mark.parametrize("shape", [(7, 9), (8, 6, 3)])
+def test_a_reduced_image_is_the_mean_of_squares(dtype, shape):
+    image = (
+        np.random.default_rng(3).random(shape) * (np.iinfo(dtype).max if dtype[0] == "u" else 1.5)
+    ).astype(dtype)
+    whole = as_float(image)
+    for scale in (1, 2, 3):
+        rows, columns = shape[0] // scale, shape[1] // scale
+        squares = whole[: rows * scale, : columns * scale].reshape(rows, scale, columns, scale, -1)
+        found = as_reduced(image, scale)
+        assert found.dtype == np.float32
+        np.testing.assert_allclose(found, squares.mean(axis=(1, 3), dtype=float), atol=2e-7, rtol=2e-7)
+
+
+def test_sums_of_large_squares_do_not_overflow():
+    assert reduced(np.full((256, 256), 65535, np.uint16), 256).tolist() == [[65535.0]]
+
+
+def test_a_square_is_full_where_all_of_it_is():
+    mask = np.ones((4, 5), bool)
+    mask[3, 0] = False
+    assert all_of_squares(mask, 2).tolist() == [[True, True], [False, True]]
+    assert all_of_squares(mask, 1) is mask
 
 
 def test_the_window_around_a_mask():

@@ -18,9 +18,9 @@ import click
 from click.core import ParameterSource
 
 import toposeam as ts
-from toposeam.errors import OptionError
+from toposeam.errors import ImageError, OptionError
 from toposeam_cli.app.command import option
-from toposeam_cli.files.regular import check_regular
+from toposeam_cli.files.regular import check_input, check_regular
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,6 +239,25 @@ class FileType(click.Path):
         return super().convert(value, param, ctx)
 
 
+def check_inputs(files: Sequence[Path]) -> None:
+    """Refuse files that cannot be read, of several that ``--skip-bad`` could leave out.
+
+    Raises
+    ------
+    ImageError
+    """
+    try:
+        for path in files:
+            check_input(path)
+    except ImageError as error:
+        raise with_skip_bad(error, len(files)) from error
+
+
+def with_skip_bad(error: ImageError, count: int) -> ImageError:
+    """Point to ``--skip-bad`` in an error about one of `count` pictures, if enough would be left."""
+    return error if count <= 2 else error.within("{error}; --skip-bad leaves out what cannot be read")
+
+
 OptionsT = TypeVar("OptionsT")
 
 
@@ -363,7 +382,7 @@ PLACEMENT: tuple[Callable[[Any], Any], ...] = (
     option(
         "--side",
         heading="Place",
-        type=click.Choice(ts.seam.SIDES),
+        type=click.Choice(ts.typing.SIDES),
         help="With --overlap: the side of A on which B continues; right by default.",
     ),
     option(
@@ -378,7 +397,7 @@ PLACEMENT: tuple[Callable[[Any], Any], ...] = (
         "law",
         heading="Seam",
         kept=True,
-        type=click.Choice(ts.seam.LAWS),
+        type=click.Choice(ts.typing.LAWS),
         help="What a seam avoids: what eyes notice (natural, the default), differences away from edges "
         "(gradient), differences of colour (colour).",
     ),
@@ -404,7 +423,7 @@ surface_cost_option = option(
     "--cost",
     "law",
     heading="Seam",
-    type=click.Choice(ts.seam.LAWS),
+    type=click.Choice(ts.typing.LAWS),
     default="natural",
     show_default=True,
     help="What a surface avoids: what eyes notice (natural), differences of colour (colour), or "

@@ -13,14 +13,12 @@ import click
 from click.core import ParameterSource
 
 import toposeam as ts
-from toposeam.images import Windows
 from toposeam_cli.app.command import Command
-from toposeam_cli.app.options import FILE, force_option, placement, quiet_option, taken
+from toposeam_cli.app.options import FILE, check_inputs, force_option, placement, quiet_option, taken
 from toposeam_cli.app.progress import say, share_bar
+from toposeam_cli.app.registry import numerics_loading
 from toposeam_cli.files.folders import in_folders
 from toposeam_cli.files.writing import all_or_nothing
-from toposeam_cli.stitching.inputs import LAYOUTS, PlacedPictures, arrange
-from toposeam_cli.stitching.joining import join
 from toposeam_cli.stitching.outputs import Outputs, check_outputs, crop_of, numbered, output_options
 from toposeam_cli.stitching.place_options import (
     FindingOptions,
@@ -29,18 +27,7 @@ from toposeam_cli.stitching.place_options import (
     kind_of,
     with_defaults,
 )
-from toposeam_cli.stitching.positions import Where, position_options, width_round
-from toposeam_cli.stitching.rendering import render, write
-from toposeam_cli.stitching.report import (
-    documents_of,
-    doubts,
-    hidden,
-    is_read,
-    lines_of_job,
-    lost_strokes,
-    misfits,
-    summary_of_job,
-)
+from toposeam_cli.stitching.positions import ALONE, LAYOUTS, Where, position_options, width_round
 from toposeam_cli.stitching.search_options import (
     Means,
     SeamOptions,
@@ -54,6 +41,7 @@ from toposeam_cli.stitching.search_options import (
 
 if TYPE_CHECKING:
     from toposeam_cli.media.layouts.layout import Layout
+    from toposeam_cli.stitching.inputs import PlacedPictures
 
 
 @click.command(
@@ -110,9 +98,14 @@ def stitch(first: Path, second: Path | None, others: tuple[Path, ...], **given: 
         from toposeam_cli.stitching.saved_layout import taken_layout
 
         layout = taken_layout(files[0], given)
-    where, find, out = taken(Where, given), SeamOptions.taken(given), taken(Outputs, given)
-    finding = taken(FindingOptions, given)
+    where, out, finding = taken(Where, given), taken(Outputs, given), taken(FindingOptions, given)
     check_outputs(out)
+    if len(files) > 1 and not given["skip_bad"] and {path.suffix.lower() for path in files}.isdisjoint(ALONE):
+        check_inputs(files)
+    with numerics_loading():
+        import toposeam_cli.stitching.joining
+        import toposeam_cli.stitching.report  # noqa: F401 - what all stitches need
+    find = SeamOptions.taken(given)
     check_finding(find, out, given["dask"])
     if out.save_layout is not None:
         from toposeam_cli.stitching.saved_layout import check_saving
@@ -154,6 +147,21 @@ def _stitch(
     means: Means,
 ) -> tuple[PlacedPictures, dict[str, Any]]:
     """Return the pictures and what is reported of them joined; as JSON, it is not printed yet."""
+    from toposeam.images import Windows
+    from toposeam_cli.stitching.inputs import arrange
+    from toposeam_cli.stitching.joining import join
+    from toposeam_cli.stitching.rendering import render, write
+    from toposeam_cli.stitching.report import (
+        documents_of,
+        doubts,
+        hidden,
+        is_read,
+        lines_of_job,
+        lost_strokes,
+        misfits,
+        summary_of_job,
+    )
+
     with share_bar("placing", out.quiet) as progress:
         job = arrange(
             files,

@@ -23,11 +23,11 @@ from toposeam_cli.edit.strokes import CanvasTransform
 from toposeam_cli.edit.work import Work
 from toposeam_cli.files.writing import all_or_nothing, atomic_write
 from toposeam_cli.media.layouts.layout import Layout, LayoutStroke
-from toposeam_cli.stitching.inputs import LAYOUTS, PlacedPictures, arrange
+from toposeam_cli.stitching.inputs import PlacedPictures, arrange
 from toposeam_cli.stitching.joining import join
 from toposeam_cli.stitching.outputs import Outputs
 from toposeam_cli.stitching.place_options import FindingOptions, is_fitted, kind_of, with_defaults
-from toposeam_cli.stitching.positions import Where
+from toposeam_cli.stitching.positions import LAYOUTS, Where
 from toposeam_cli.stitching.saved_layout import saved_layout, taken_layout
 from toposeam_cli.stitching.search_options import Means, SeamOptions, strangers
 

@@ -18,7 +18,7 @@ from toposeam_cli.edit.preview import encoded, jpeg, small_print
 from toposeam_cli.edit.session import Change, Session
 from toposeam_cli.edit.strokes import drawn, horizon_of, other_way
 from toposeam_cli.edit.work import Work
-from toposeam_cli.stitching.inputs import LAYOUTS
+from toposeam_cli.stitching.positions import LAYOUTS
 
 
 def run(connection: Connection, work: Work) -> None:

@@ -7,7 +7,35 @@ import os
 import stat
 from pathlib import Path
 
-from toposeam.errors import OptionError
+from toposeam.errors import ImageError, OptionError
+
+#: Extensions of cameras' raw files. In some of them libvips would take the small preview for the picture.
+_RAW = {
+    ".3fr",
+    ".arw",
+    ".cr2",
+    ".cr3",
+    ".crw",
+    ".dng",
+    ".erf",
+    ".iiq",
+    ".kdc",
+    ".mef",
+    ".mos",
+    ".mrw",
+    ".nef",
+    ".nrw",
+    ".orf",
+    ".pef",
+    ".raf",
+    ".raw",
+    ".rw2",
+    ".rwl",
+    ".sr2",
+    ".srf",
+    ".srw",
+    ".x3f",
+}
 
 
 def real_path(path: Path) -> Path:
@@ -51,6 +79,39 @@ def check_pattern(path: Path) -> None:
     if glob.glob(pattern):  # noqa: PTH207 - patterns may be absolute
         raise OptionError(f"'{pattern}' is in quotes, so that the shell leaves it alone; take them away")
     raise OptionError(f"no file matches '{pattern}'; check its folder and spelling")
+
+
+def check_input(path: Path) -> None:
+    """Refuse a path that is no file or may not be read, an empty file, and a camera's raw file.
+
+    Raises
+    ------
+    ImageError
+    """
+    try:
+        mode = path.stat().st_mode
+        if stat.S_ISDIR(mode):
+            raise ImageError(f"'{path}' is a folder; name a picture inside it")
+        if not stat.S_ISREG(mode):
+            raise ImageError(f"'{path}' is not a regular file; save the picture to disk first")
+        with path.open("rb") as file:
+            if not file.read(1):
+                raise ImageError(f"'{path}' is empty; export the picture again")
+        if path.suffix.lower() in _RAW:
+            raise ImageError(
+                f"'{path}' is raw data of a camera, which has to be developed first; export TIFF or JPEG "
+                "from darktable, RawTherapee or the camera's own program and give that"
+            )
+    except ImageError:
+        raise
+    except (FileNotFoundError, NotADirectoryError) as error:
+        check_pattern(path)
+        raise ImageError(f"there is no file '{path}'; check its name and folder") from error
+    except (OSError, ValueError) as error:
+        raise ImageError(
+            f"cannot read '{path}' ({getattr(error, 'strerror', None) or error}); check its name and your "
+            "right to read it"
+        ) from error
 
 
 def check_regular_below(folder: Path, what: str) -> None:

@@ -30,6 +30,8 @@ from toposeam_cli.files.temporary import (
 
 #: The extensions :func:`toposeam_cli.media.pictures.picture.write_picture` writes.
 PICTURE_SUFFIXES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".webp")
+#: Compressions of TIFF.
+COMPRESSIONS = ("deflate", "lzw", "none")
 
 
 class OutputError(TopoSeamError, OSError):

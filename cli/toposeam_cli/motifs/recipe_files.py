@@ -19,8 +19,9 @@ from typing import Any
 import toposeam as ts
 from toposeam.errors import ImageError, OptionError
 from toposeam.vector.svg import read_metadata
+from toposeam_cli.files.regular import check_input
 from toposeam_cli.files.tables import read_table, read_text
-from toposeam_cli.media.pictures.decode import RECIPE_NAMESPACE, check_input
+from toposeam_cli.media.pictures.decode import RECIPE_NAMESPACE
 from toposeam_cli.media.pictures.libvips import load_vips
 
 _RECIPE = f"{{{RECIPE_NAMESPACE}}}recipe"

@@ -26,13 +26,13 @@ from toposeam.layers.canvas.transforms import (
 )
 from toposeam.layers.execution.tasks import Executor, results
 from toposeam.layers.registration.find_places import PlaceOptions, Places, among, found_places
-from toposeam_cli.app.options import Keyed
+from toposeam_cli.app.options import Keyed, with_skip_bad
 from toposeam_cli.files.regular import check_pattern
 from toposeam_cli.media.pictures.decode import check_together, size_of
 from toposeam_cli.media.pictures.lens import exposure, focal_length, in_pixels, is_fisheye, noted
 from toposeam_cli.media.pictures.masks import read_white
 from toposeam_cli.media.pictures.picture import MAX_PIXELS, Picture, match_pictures, read_picture
-from toposeam_cli.stitching.positions import Where, places_of
+from toposeam_cli.stitching.positions import ALONE, LAYOUTS, Where, places_of
 from toposeam_cli.stitching.resample import blank, placed_layers
 
 if TYPE_CHECKING:
@@ -47,7 +47,6 @@ _Notes: TypeAlias = Mapping[int, Any]
 #: pixel, which come to lie level, or upright if they are nearer to that.
 Horizon: TypeAlias = tuple[str, tuple[tuple[float, float], tuple[float, float]]]
 
-LAYOUTS = (".toml", ".json", ".pto")
 #: Largest number of pixels of all pictures together that are kept in memory; with more they are stored in
 #: files.
 STORED_PIXELS = 64_000_000
@@ -213,9 +212,7 @@ class _Reading:
 
     def _with_remedy(self, error: ts.ImageError, count: int) -> ts.ImageError:
         """Point to ``--skip-bad`` in an error about one of `count` pictures, if enough would be left."""
-        if self.skips is None or count <= 2:
-            return error
-        return error.within("{error}; --skip-bad leaves out what cannot be read")
+        return error if self.skips is None else with_skip_bad(error, count)
 
 
 @dataclass(slots=True)
@@ -600,7 +597,7 @@ def _sources(
     canvas.
     """
     kind = files[0].suffix.lower()
-    if len(files) == 1 and kind in (".ora", *LAYOUTS):
+    if len(files) == 1 and kind in ALONE:
         if where.at or where.offset is not None or where.overlap is not None or where.arranged:
             raise ts.OptionError(
                 f"'{files[0]}' says itself where its pictures lie; leave --at, --offset and --overlap out"

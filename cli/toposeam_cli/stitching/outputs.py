@@ -6,27 +6,24 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
-import numpy as np
-import numpy.typing as npt
 
 import toposeam as ts
-from toposeam.arrays import Mask
-from toposeam.images import full_scale
-from toposeam.layers.canvas.canvas import extent_of
-from toposeam.layers.canvas.largest_rectangle import largest_full
-from toposeam.layers.canvas.layer import Box
-from toposeam.layers.canvas.tile_map import all_of, any_of, blocks, cover_of, new_map
 from toposeam_cli.app.command import option
 from toposeam_cli.app.options import OUTPUT
 from toposeam_cli.figures.search import SUFFIXES as SEARCH_SUFFIXES
 from toposeam_cli.files.regular import real_path
-from toposeam_cli.files.writing import PICTURE_SUFFIXES, check_output
-from toposeam_cli.media.pictures.background import colour_of
-from toposeam_cli.media.pictures.deep_zoom import check_deep_zoom, write_deep_zoom
-from toposeam_cli.media.pictures.picture import COMPRESSIONS, Keep, Picture, write_picture
+from toposeam_cli.files.writing import COMPRESSIONS, PICTURE_SUFFIXES, check_output
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
+    from toposeam.arrays import Mask
+    from toposeam.layers.canvas.layer import Box
+    from toposeam_cli.media.pictures.picture import Keep, Picture
 
 #: What is kept of a joined picture.
 CROPS = ("fit", "inside", "outside")
@@ -204,8 +201,12 @@ def numbered(out: Outputs, number: int) -> Outputs:
 def write_composite(out: Outputs, picture: Picture, keep: Keep | None = None) -> None:
     """Write the joined picture; `keep` is as for :func:`match_pictures`."""
     if out.output.suffix.lower() == ".dzi":
+        from toposeam_cli.media.pictures.deep_zoom import write_deep_zoom
+
         write_deep_zoom(out.output, picture, out.force, out.quality, keep)
         return
+    from toposeam_cli.media.pictures.picture import write_picture
+
     options: dict[str, Any] = {"quality": out.quality, "compression": out.compression, "pyramid": out.pyramid}
     write_picture(out.output, picture, out.force, keep=keep, **options)
 
@@ -215,6 +216,8 @@ def check_outputs(out: Outputs) -> None:
     suffix = out.output.suffix.lower()
     check_output(out.output, out.force, (*PICTURE_SUFFIXES, ".ora", ".dzi"))
     if suffix == ".dzi":
+        from toposeam_cli.media.pictures.deep_zoom import check_deep_zoom
+
         check_deep_zoom(out.output, out.force)
     for path, suffixes in (
         (out.seam, (".svg",)),
@@ -249,6 +252,8 @@ def check_outputs(out: Outputs) -> None:
     if out.compression is not None and "compression" in foreign:
         raise ts.OptionError(f"--compression is for .tif, not for {suffix}; leave it out")
     if out.background is not None:
+        from toposeam_cli.media.pictures.background import colour_of
+
         colour_of(out.background)
 
 
@@ -276,6 +281,8 @@ def crop_of(out: Outputs, layers: Sequence[ts.Layer], *, goes_round: bool) -> st
         return out.crop
     if out.has_alpha or out.background is not None:
         return "outside"
+    from toposeam.layers.canvas.tile_map import all_of, any_of
+
     opaque = _opaque(layers)
     if all_of(opaque):
         return "outside"
@@ -294,6 +301,11 @@ def crop_of(out: Outputs, layers: Sequence[ts.Layer], *, goes_round: bool) -> st
 
 def _opaque(layers: Sequence[ts.Layer]) -> npt.NDArray[np.bool_]:
     """(H, W) bool mask, True where some layer is opaque."""
+    from toposeam.images import full_scale
+    from toposeam.layers.canvas.canvas import extent_of
+    from toposeam.layers.canvas.layer import Box
+    from toposeam.layers.canvas.tile_map import blocks, cover_of, new_map
+
     canvas = extent_of(layers)
     opaque = new_map(canvas.shape, False, bool)
     for layer, place in zip(layers, canvas.places, strict=True):
@@ -317,6 +329,8 @@ def largest_opaque(opaque: Mask, out: Outputs) -> Box:
     ImageError
         If there is none.
     """
+    from toposeam.layers.canvas.largest_rectangle import largest_full
+
     box = largest_full(opaque)
     if box is None:
         raise ts.ImageError(f"'{out.output}' cannot be cropped: no pixel is opaque; use .png or .tif")

@@ -8,21 +8,23 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
-import numpy as np
 
 import toposeam as ts
-from toposeam.layers.canvas.transforms import PROJECTIONS, PlaneTransform, Transform, is_move
-from toposeam.layers.registration.find_places import PlaceOptions
-from toposeam.layers.registration.placement import MODELS
+from toposeam.typing import MODELS, PROJECTIONS
 from toposeam_cli.app.command import option
 from toposeam_cli.app.options import FILE, FiniteRange
 from toposeam_cli.files.tables import read_text
-from toposeam_cli.stitching.inputs import Horizon, PlaceFinding, picture_number
-from toposeam_cli.stitching.outputs import Outputs
-from toposeam_cli.stitching.search_options import SeamOptions
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from toposeam.layers.canvas.transforms import Transform
+    from toposeam_cli.stitching.inputs import Horizon, PlaceFinding
+    from toposeam_cli.stitching.outputs import Outputs
+    from toposeam_cli.stitching.search_options import SeamOptions
 
 KINDS = ("photographs", "scans")
 
@@ -219,6 +221,9 @@ class FindingOptions:
         if self.model != "auto":
             given.append("--model")
         given += [f"--{name}" for name in ("horizon", "points", "groups") if getattr(self, name)]
+        from toposeam.layers.registration.find_places import PlaceOptions
+        from toposeam_cli.stitching.inputs import PlaceFinding
+
         centre = None if self.centre is None else _number(files, self.centre, f"--centre {self.centre}")
         options = PlaceOptions(
             model=self.model,
@@ -241,6 +246,8 @@ class FindingOptions:
 
 def _number(files: Sequence[Path], name: str, said: str) -> int:
     """Find a picture by its name or number."""
+    from toposeam_cli.stitching.inputs import picture_number
+
     number = picture_number(name, {index: path.name for index, path in enumerate(files)}, len(files))
     if number is not None:
         return number
@@ -252,6 +259,8 @@ def _number(files: Sequence[Path], name: str, said: str) -> int:
 
 def _read_points(path: Path, files: Sequence[Path]) -> dict[tuple[int, int], np.ndarray]:
     """Read the points that pairs of pictures have in common."""
+    import numpy as np
+
     text = read_text(path, "a table of points")
     points: dict[tuple[int, int], list[list[float]]] = {}
     try:
@@ -278,6 +287,8 @@ def _read_points(path: Path, files: Sequence[Path]) -> dict[tuple[int, int], np.
 
 def _is_similarity(transform: Transform) -> bool:
     """Test whether a transform is a translation, rotation and scaling."""
+    from toposeam.layers.canvas.transforms import PlaneTransform
+
     return isinstance(transform, PlaneTransform) and not transform.matrix[2, :2].any()
 
 
@@ -285,6 +296,8 @@ def kind_of(transforms: Sequence[Transform], finding: FindingOptions, *, found: 
     """Tell photographs from scans, unless somebody said it; places may have been `found` or given."""
     if finding.kind is not None:
         return finding.kind
+    from toposeam.layers.canvas.transforms import is_move
+
     return KINDS[all(map(is_move if found and not finding.exact else _is_similarity, transforms))]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -13,8 +13,14 @@ import toposeam as ts
 from toposeam_cli.app.command import option
 from toposeam_cli.app.options import Length, OffsetType, PairType
 from toposeam_cli.media.layouts.tiff_place import FARTHEST, tiff_canvas, tiff_place
-from toposeam_cli.media.pictures.picture import Picture
 
+if TYPE_CHECKING:
+    from toposeam_cli.media.pictures.picture import Picture
+
+#: Extensions of files that say where their pictures lie.
+LAYOUTS = (".toml", ".json", ".pto")
+#: Extensions of files that are given alone.
+ALONE = (".ora", *LAYOUTS)
 #: The orders in which pictures fill a grid.
 ORDERS = ("rows", "columns", "snake-rows", "snake-columns")
 

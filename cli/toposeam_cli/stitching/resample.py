@@ -142,25 +142,29 @@ def _strips(
         part = Box(top, box.left, min(top + _STRIP_ROWS, box.bottom), box.right)
         at = coordinates(transform, part)
         shown = inside(at, (width, height))
-        opacity = shown.astype(np.float32)
-        if shown.any():
-            rows = np.where(shown, at[..., 1], at[..., 1][shown][0])
+        alpha = shown.astype(dtype) * full_scale(dtype)
+        everywhere = bool(shown.all())
+        if everywhere or shown.any():
+            rows = at[..., 1] if everywhere else at[..., 1][shown]
             low = max(int(rows.min()) - _SPLINE_MARGIN, 0)
             source = slice(low, int(rows.max()) + _SPLINE_MARGIN + 2), slice(None)
-            where = (at - np.array([0, low])).astype(np.float32)
+            where = np.empty(at.shape, np.float32)
+            np.subtract(at, [0, low], out=where, casting="same_kind")
             values = _looked_up(np.asarray(layer.image[source]), where, "bicubic")
             pixels = values.reshape(*part.shape, *colours)
-            pixels[~shown] = 0
+            if not everywhere:
+                pixels[~shown] = 0
             if layer.alpha is not None:
                 own = _looked_up(np.asarray(layer.alpha[source]), where, "bilinear")
-                opacity *= own.reshape(part.shape) / np.float32(full_scale(dtype))
+                opacity = shown * (own.reshape(part.shape) / np.float32(full_scale(dtype)))
+                alpha = in_dtype(opacity * np.float32(full_scale(dtype)), dtype)
             for name, mask in masks.items():
                 nearest = np.rint(at[shown]).astype(np.intp)
                 given = np.asarray(getattr(layer, name))
                 mask[part.within(box)][shown] = given[nearest[:, 1], nearest[:, 0]]
         else:
             pixels = np.zeros((*part.shape, *colours), dtype)
-        yield Picture(pixels=pixels, alpha=in_dtype(opacity * np.float32(full_scale(dtype)), dtype))
+        yield Picture(pixels=pixels, alpha=alpha)
 
 
 def _looked_up(values: np.ndarray, where: np.ndarray, interpolate: str) -> np.ndarray:

@@ -6,22 +6,21 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any
 
 import click
 
 import toposeam as ts
-from toposeam.layers.composite.options import MOST_BENT
-from toposeam.layers.execution.tasks import Executor
-from toposeam.layers.search.options import Effort
+from toposeam.typing import BLENDS, EFFORTS, METHODS, MOST_BENT
 from toposeam_cli.app.command import option
 from toposeam_cli.app.options import FiniteRange, Keyed, KeyedFile
 from toposeam_cli.figures.search import check_search
-from toposeam_cli.stitching.inputs import PlacedPictures, has_many_pixels
-from toposeam_cli.stitching.outputs import Outputs
 
 if TYPE_CHECKING:
+    from toposeam.layers.execution.tasks import Executor
     from toposeam_cli.files.scratch import Scratch
+    from toposeam_cli.stitching.inputs import PlacedPictures
+    from toposeam_cli.stitching.outputs import Outputs
 
 #: Below this correlation two pictures hardly show the same. Warped ones may fit to some px only, so that
 #: means of blocks of so many px, and a correlation of these, have to say it, too.
@@ -63,7 +62,7 @@ def seam_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "--method",
             heading="Seam",
             kept=True,
-            type=click.Choice(ts.seam.METHODS),
+            type=click.Choice(METHODS),
             default="auto",
             show_default=True,
             help="How seams are found; auto takes the exact solver that is fastest.",
@@ -72,7 +71,7 @@ def seam_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "--effort",
             heading="Seam",
             kept=True,
-            type=click.Choice(get_args(Effort)),
+            type=click.Choice(EFFORTS),
             help="Of the search for more than two pictures: fast by default up to 12, from there on "
             "best, which "
             "takes 2 to 4 times as long.",
@@ -109,7 +108,7 @@ def seam_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "--blend",
             heading="Tones and blend",
             kept=True,
-            type=click.Choice(ts.layers.BLENDS),
+            type=click.Choice(BLENDS),
             help="What happens across the seams. auto, the default of photographs, is gradient where a sky "
             "is burnt out in one of two pictures, else multiband; others have none.",
         ),
@@ -178,6 +177,8 @@ def means_of(folder: Path, files: Sequence[Path], processes: int | None, dask: s
     OptionError
         When there is no such cluster, or its workers do not see the files.
     """
+    from toposeam_cli.stitching.inputs import has_many_pixels
+
     if dask is None and not has_many_pixels(files):
         yield Means(None, None, False)
         return

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, Literal, Unpack, get_args
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -21,14 +21,13 @@ from toposeam.seam.problem.overlap import Side
 from toposeam.seam.problem.posing import pose
 from toposeam.seam.problem.seam_problem import SeamProblem, Solution
 from toposeam.seam.result.seam import Seam, seam_of
+from toposeam.typing import METHODS as METHODS
+from toposeam.typing import Method as Method
 
 if TYPE_CHECKING:
     from toposeam.seam.heat.method import HeatOptions
     from toposeam.seam.keywords import SeamKeywords
     from toposeam.seam.thesis.options import ThesisOptions
-
-Method = Literal["auto", "heat", "thesis", "shortest-path", "dp", "graph-cut"]
-METHODS: tuple[Method, ...] = get_args(Method)
 
 
 @dataclass(frozen=True, slots=True)

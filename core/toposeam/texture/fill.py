@@ -6,7 +6,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from typing import Any, Literal, Unpack, get_args
+from typing import Any, Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -36,6 +36,8 @@ from toposeam.texture.placement.options import LayKeywords, LayOptions
 from toposeam.texture.placement.patch_placer import PatchPlacer
 from toposeam.texture.placement.request import TextureRequest
 from toposeam.texture.synthesize import check_patch
+from toposeam.typing import BYS as BYS
+from toposeam.typing import By as By
 
 #: Largest side of a hole with its band, in sides of a usual patch, that is filled by one patch along a closed
 #: seam.
@@ -50,9 +52,6 @@ _GROUP_DISTANCE = 0.25
 _SEARCHED_PIXELS = 1 << 20
 #: Least distance to either side of a hole that is searched, as a share of the hole's size.
 _SEARCHED_SHARE = 1.5
-
-By = Literal["auto", "patches", "shifts"]
-BYS: tuple[By, ...] = get_args(By)
 
 
 def fill(

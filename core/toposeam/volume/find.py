@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Callable, Sequence
-from typing import Any, Literal, Unpack, get_args
+from typing import Any, Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -16,13 +16,12 @@ from toposeam.heat.threads import one_thread
 from toposeam.seam.exact.graph_cut import least_cut
 from toposeam.seam.problem.match_cost import MatchCost, check_no_reach, match_options
 from toposeam.seam.problem.seam_problem import Solution
+from toposeam.typing import SURFACE_METHODS as SURFACE_METHODS
+from toposeam.typing import SurfaceMethod as SurfaceMethod
 from toposeam.volume.heat.method import SurfaceKeywords, SurfaceOptions, heat_surface
 from toposeam.volume.problem.posing import check_spacing, surface_problem
 from toposeam.volume.problem.surface_problem import SurfaceProblem
 from toposeam.volume.surface import Surface
-
-SurfaceMethod = Literal["heat", "graph-cut"]
-SURFACE_METHODS: tuple[SurfaceMethod, ...] = get_args(SurfaceMethod)
 
 
 def find_surface(

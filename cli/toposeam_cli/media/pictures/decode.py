@@ -4,7 +4,6 @@ sentence.
 
 import os
 import re
-import stat
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,37 +14,10 @@ from pathlib import Path
 import numpy as np
 
 from toposeam.errors import ImageError
-from toposeam_cli.files.regular import check_pattern
+from toposeam_cli.files.regular import check_input
 from toposeam_cli.media.pictures.colour import DEPTHS, INTENT
 from toposeam_cli.media.pictures.libvips import VipsImage, evaluate, load_vips, reason
 
-#: Extensions of cameras' raw files. In some of them libvips would take the small preview for the picture.
-_RAW = {
-    ".3fr",
-    ".arw",
-    ".cr2",
-    ".cr3",
-    ".crw",
-    ".dng",
-    ".erf",
-    ".iiq",
-    ".kdc",
-    ".mef",
-    ".mos",
-    ".mrw",
-    ".nef",
-    ".nrw",
-    ".orf",
-    ".pef",
-    ".raf",
-    ".raw",
-    ".rw2",
-    ".rwl",
-    ".sr2",
-    ".srf",
-    ".srw",
-    ".x3f",
-}
 _HEIC = {".heic", ".heif", ".hif"}
 
 #: Resolution that means "unknown", px per mm: writers whose format needs one write 72 per inch.
@@ -248,39 +220,6 @@ def _unreadable(path: Path, error: Exception) -> ImageError:
     return ImageError(
         f"cannot read '{path}' ({why}): it is no picture or damaged; export it again as PNG or TIFF"
     )
-
-
-def check_input(path: Path) -> None:
-    """Refuse a path that is no file or may not be read, an empty file, and a camera's raw file.
-
-    Raises
-    ------
-    ImageError
-    """
-    try:
-        mode = path.stat().st_mode
-        if stat.S_ISDIR(mode):
-            raise ImageError(f"'{path}' is a folder; name a picture inside it")
-        if not stat.S_ISREG(mode):
-            raise ImageError(f"'{path}' is not a regular file; save the picture to disk first")
-        with path.open("rb") as file:
-            if not file.read(1):
-                raise ImageError(f"'{path}' is empty; export the picture again")
-        if path.suffix.lower() in _RAW:
-            raise ImageError(
-                f"'{path}' is raw data of a camera, which has to be developed first; export TIFF or JPEG "
-                "from darktable, RawTherapee or the camera's own program and give that"
-            )
-    except ImageError:
-        raise
-    except (FileNotFoundError, NotADirectoryError) as error:
-        check_pattern(path)
-        raise ImageError(f"there is no file '{path}'; check its name and folder") from error
-    except (OSError, ValueError) as error:
-        raise ImageError(
-            f"cannot read '{path}' ({getattr(error, 'strerror', None) or error}); check its name and your "
-            "right to read it"
-        ) from error
 
 
 def _check_pages(path: Path, image: VipsImage) -> None:

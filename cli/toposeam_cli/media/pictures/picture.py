@@ -87,9 +87,6 @@ _WEBP = _Format(
     options={"lossless": True, "exact": True, "effort": 2},
 )
 
-#: Compressions of TIFF files.
-COMPRESSIONS = ("deflate", "lzw", "none")
-
 _FORMATS = {".png": _PNG, ".tif": _TIFF, ".tiff": _TIFF, ".jpg": _JPEG, ".jpeg": _JPEG, ".webp": _WEBP}
 
 
@@ -273,7 +270,7 @@ def write_picture(
     quality : int, optional
         Quality of JPEG, 1 to 100; 95 by default.
     compression : str, optional
-        Compression of TIFF, one of `COMPRESSIONS`; deflate by default.
+        Compression of TIFF, one of :data:`toposeam_cli.files.writing.COMPRESSIONS`; deflate by default.
     pyramid : bool
         Whether a TIFF has tiles and further pages at half the size, a quarter and so on.
     keep : callable, optional

@@ -22,7 +22,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
-from typing import Any, ClassVar, Literal, get_args
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -35,10 +35,9 @@ from toposeam.layers.canvas.canvas import Canvas
 from toposeam.layers.canvas.layer import Box, cut
 from toposeam.layers.canvas.tile_map import uniform
 from toposeam.seam.result.seam import Seam, potential_on_window
+from toposeam.typing import BLENDS as BLENDS
+from toposeam.typing import Blend as Blend
 
-Blend = Literal["auto", "none", "feather", "soft", "multiband", "gradient"]
-
-BLENDS: tuple[Blend, ...] = get_args(Blend)
 #: Module and class of each blend, imported on first use.
 _CLASSES: dict[Blend, tuple[str, str]] = {
     "auto": ("multiband", "Multiband"),

@@ -338,10 +338,11 @@ def paint(
         for top in range(common.top, common.bottom, _PAINTED_TILE):
             for left in range(common.left, common.right, _PAINTED_TILE):
                 tile = Box(top, left, top + _PAINTED_TILE, left + _PAINTED_TILE).shared(common)
-                here, there = tile.within(at), tile.within(place)
+                here = tile.within(at)
                 shows = label_map[here] == index
                 if not shows.any():
                     continue
+                there = tile.within(place)
                 part = layer.image[there]
                 if channels is not None and part.ndim == 2:
                     part = part[..., np.newaxis]

@@ -41,13 +41,17 @@ def largest_full(mask: Mask) -> Box | None:
 
 
 def _largest(full: Mask) -> Box | None:
-    """Find the largest full rectangle, by the heights of columns above each row and a stack of them."""
+    """Find the largest full rectangle, by the heights of columns above each row and a stack of them.
+
+    Of columns that are as high as the one before nothing is new.
+    """
     best, area = None, 0
     heights = np.zeros(full.shape[1] + 1, int)
     for row, line in enumerate(full):
         heights[:-1] = np.where(line, heights[:-1] + 1, 0)
+        columns = np.concatenate([[0], np.flatnonzero(np.diff(heights)) + 1])
         stack: list[tuple[int, int]] = []
-        for column, height in enumerate(heights.tolist()):
+        for column, height in zip(columns.tolist(), heights[columns].tolist(), strict=True):
             start = column
             while stack and stack[-1][1] >= height:
                 start, tall = stack.pop()

@@ -14,16 +14,15 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Literal, Protocol, TypeAlias, get_args
+from typing import Protocol
 
 import numpy as np
 import scipy
 
 from toposeam.arrays import Floats
+from toposeam.typing import PROJECTIONS as PROJECTIONS
+from toposeam.typing import Projection as Projection
 
-Projection: TypeAlias = Literal["flat", "cylinder", "sphere", "panini"]
-
-PROJECTIONS: tuple[Projection, ...] = get_args(Projection)
 #: Largest enlargement of a picture; where a transform enlarges it more, the picture is cut off.
 LARGEST_ENLARGEMENT = 3.0
 #: Coordinates of canvas pixels that a picture does not show.

@@ -46,10 +46,14 @@ def warped_box(layer: Layer, transform: Transform) -> Box:
 def coordinates(transform: Transform, box: Box) -> Floats:
     """Compute x and y in the picture, px, of the canvas pixels of a box: (h, w, 2)."""
     rows, columns = box.shape
-    down, across = (np.minimum(np.arange(-(-side // _STEP) + 1) * _STEP, side - 1) for side in box.shape)
+    down, across = (
+        np.minimum(np.arange(-(-side // _STEP) + 1) * _STEP, side - 1) for side in (rows, columns)
+    )
     coarse = transform.to_picture(np.stack(np.meshgrid(across + box.left, down + box.top), axis=-1) + 0.0)
     points = coarse.view(np.complex128)[..., 0]  # one number each
-    return _between(_between(points.T, down, rows).T, across, columns).view(np.float64).reshape(*box.shape, 2)
+    return (
+        _between(_between(points.T, down, rows).T, across, columns).view(np.float64).reshape(rows, columns, 2)
+    )
 
 
 def _between(values: Complexes, knots: npt.NDArray[np.intp], count: int) -> Complexes:

@@ -29,6 +29,7 @@ from toposeam.layers.search.options import Effort, SearchOptions, search_options
 from toposeam.seam.find import Method, method_for, method_options, usual_law
 from toposeam.seam.problem.match_cost import MatchCost, match_options
 from toposeam.seam.problem.overlap import check_core
+from toposeam.typing import MOST_BENT as MOST_BENT
 
 if TYPE_CHECKING:
     from toposeam.layers.canvas.transforms import Transform
@@ -38,9 +39,6 @@ if TYPE_CHECKING:
     from toposeam.seam.heat.method import HeatOptions
     from toposeam.seam.thesis.options import ThesisOptions
     from toposeam.vector.svg import SvgSeam
-
-#: The farthest by which layers may be bent, px.
-MOST_BENT = 32
 
 Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")

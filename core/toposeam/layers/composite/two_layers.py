@@ -92,12 +92,11 @@ def _shown(two: Canvas, seam: Seam, box: Box) -> Labels:
     label_map: Labels = new_map(two.shape, -1, np.int16)
     for index, (place, cover) in enumerate(zip(two.places, two.covers, strict=True)):
         for part in blocks(place):
-            here = cut(cover, place, part)
             before = label_map[part.slices]
-            label_map[part.slices] = np.where(here, np.int16(index), before)
+            label_map[part.slices] = np.where(cut(cover, place, part), np.int16(index), before)
     first, second = (cut(cover, place, box) for cover, place in zip(two.covers, two.places, strict=True))
     labels, both = cut(label_map, two.box, box), first & second
-    labels[both] = np.where(seam.labels[both], np.int16(1), np.int16(0))
+    np.copyto(labels, seam.labels != 0, where=both)
     label_map[box.slices] = labels
     return label_map
 

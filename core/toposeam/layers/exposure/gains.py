@@ -524,17 +524,17 @@ def _sample_tones(item: tuple[Layer, Field | None, int]) -> ToneSample:
     layer, field, channels = item
     image, covered, step = _sampled(layer)
     height, width = layer.image.shape[:2]
-    found = []
+    found, white, gain = [], layer.white, None
+    if field is not None:
+        gain = _chosen(np.exp(field.logarithm(range(0, height, step), range(0, width, step))), covered)
     for channel in range(channels):
         values = _chosen(image[..., min(channel, image.shape[2] - 1)], covered)
-        if field is None and values.dtype in (np.uint8, np.uint16):
-            found.append(_brightest_by_counting(values, layer.white))
+        if gain is None and values.dtype in (np.uint8, np.uint16):
+            found.append(_brightest_by_counting(values, white))
             continue
-        light = light_of(values, layer.white)
+        light = light_of(values, white)
         telling = (light > _SHOWING[0]) & (light < _SHOWING[1])
-        if field is not None:
-            logarithm = field.logarithm(range(0, height, step), range(0, width, step))
-            light = light * _chosen(np.exp(logarithm), covered)
+        light = light if gain is None else light * gain
         found.append(float(np.quantile(light[telling], _BELOW_WHITE)) if telling.any() else 0.0)
     box = Box(0, 0, height, width)
     if not covered.all() and covered.any():

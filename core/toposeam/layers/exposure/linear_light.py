@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.arrays import AnyFloats, Floats, Image, Mask
+from toposeam.arrays import AnyFloats, Floats, Image, Indices, Mask
 from toposeam.images import Windows, in_dtype
 from toposeam.layers.canvas.layer import Box, Layer
 
@@ -26,7 +26,7 @@ STRAIGHT, _STRAIGHT_LIGHT = 0.04045, 0.0031308
 #: Share of full scale from which on, in all channels, gains fade out, so that white stays white.
 WHITE = 0.9
 #: Pixels of a window that are multiplied at once: their planes fit a processor's cache.
-_PIXELS_AT_ONCE = 1 << 16
+_PIXELS_AT_ONCE = 1 << 15
 #: Cells of a field of gain along a side, and the quadratic B-splines over them.
 _CELLS = 3
 SPLINES = _CELLS + 2
@@ -119,9 +119,9 @@ def finished(shares: AnyFloats, raised: AnyFloats, whites: AnyFloats, top: float
     if len(near):
         burnt = np.minimum((darkest[near] - white) / (1 - white), 1)
         burnt *= burnt * (3 - 2 * burnt)
-        short = np.maximum(0, 1 - bent(np.broadcast_to(whites, shares.shape)[:, near], top))
+        short = np.maximum(0, 1 - bent(np.broadcast_to(whites, shares.shape).take(near, axis=1), top))
         result = result.copy() if result is raised else result
-        result[:, near] += short * burnt
+        _put(result, near, result.take(near, axis=1) + short * burnt)
     bounded: AnyFloats = np.minimum(result, np.maximum(shares, 1))
     return bounded
 
@@ -308,13 +308,14 @@ class Toned(Windows):
         darkest = shares.min(axis=0)
         dark = np.flatnonzero(np.minimum(darkest, raised.min(axis=0)) < STRAIGHT)
         if len(dark):
-            raised[:, dark] = encoded(decoded(shares[:, dark]) * np.exp(logarithm[dark]) * factor)
+            light = decoded(shares.take(dark, axis=1)) * np.exp(logarithm[dark])
+            _put(raised, dark, encoded(light * factor))
         bright = np.flatnonzero(self._bright(darkest, raised.max(axis=0), 1.0))
         if len(bright):
-            whites = multiplied(np.ones((1, 1), kind), root[:, bright])
-            raised[:, bright] = finished(
-                shares[:, bright], raised[:, bright], whites, self._top or 1.0, WHITE
-            )
+            # Taken, channels lie one after the other; indexed, pixels do, and all that follows takes longer.
+            before, after, roots = (one.take(bright, axis=1) for one in (shares, raised, root))
+            whites = multiplied(np.ones((1, 1), kind), roots)
+            _put(raised, bright, finished(before, after, whites, self._top or 1.0, WHITE))
         return raised
 
     def _bright(self, darkest: npt.NDArray[Any], lightest: npt.NDArray[Any], white: float) -> Mask:
@@ -324,6 +325,12 @@ class Toned(Windows):
             # The value of the knee, less what may be rounded to below it.
             found |= lightest > (float(encoded(KNEE)) - 0.5 / 255) * white
         return found
+
+
+def _put(planes: npt.NDArray[Any], places: Indices, values: npt.NDArray[Any]) -> None:
+    """Put (C, n) values at places of (C, N) planes."""
+    for plane, own in zip(planes, values, strict=True):
+        plane[places] = own
 
 
 def _over_channels(function: np.ufunc, planes: Image) -> Image:

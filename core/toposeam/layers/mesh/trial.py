@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from toposeam.arrays import Floats32
 from toposeam.errors import TopoSeamError
-from toposeam.images import as_float
+from toposeam.images import all_of_squares, as_reduced
 from toposeam.layers.canvas.canvas import extent_of
 from toposeam.layers.canvas.layer import Box, Layer, cut
 from toposeam.layers.canvas.transforms import ReducedTransform, Transform
@@ -47,18 +44,11 @@ def reduced_copies(pictures: Sequence[Layer]) -> tuple[list[Layer], list[int]]:
 
 
 def _reduced(picture: Layer, scale: int) -> Layer:
-    planes = as_float(np.asarray(picture.image), picture.title, picture.data_range)
-    rows, columns = (size // scale for size in planes.shape[:2])
-
-    def mean(values: npt.NDArray[Any]) -> Floats32:
-        whole = values[: rows * scale, : columns * scale]
-        squares = whole.reshape(rows, scale, columns, scale, -1)
-        return np.asarray(squares.mean(axis=(1, 3), dtype=np.float32))
-
+    planes = as_reduced(np.asarray(picture.image), scale, picture.title, picture.data_range)
     alpha = None
     if picture.alpha is not None or picture.mask is not None:
-        alpha = (mean(picture.covered[..., np.newaxis])[..., 0] == 1).astype(np.float32)
-    return Layer(mean(planes), alpha=alpha, name=picture.name, data_range=1.0, exposure=picture.exposure)
+        alpha = all_of_squares(picture.covered, scale).astype(np.float32)
+    return Layer(planes, alpha=alpha, name=picture.name, data_range=1.0, exposure=picture.exposure)
 
 
 def trial_seam(

@@ -25,12 +25,12 @@ import scipy
 from toposeam.arrays import Floats, Image, Mask
 from toposeam.checks import check_items, check_whole
 from toposeam.errors import OverlapError
-from toposeam.images import as_float
+from toposeam.images import all_of_squares, as_float, reduced
 from toposeam.layers.canvas.layer import Box, Layer, check_layers, cut
 from toposeam.layers.execution.tasks import Executor, check_executor, results
 from toposeam.layers.labelling.label_map import Pair
 from toposeam.layers.registration.consensus import evidence_of, vote
-from toposeam.layers.registration.features import CONTENT_BLUR, gray_of, reduced
+from toposeam.layers.registration.features import CONTENT_BLUR, gray_of
 from toposeam.layers.registration.pair_matching import LEAST_CORRELATION, Match, groups
 from toposeam.layers.registration.pose_graph import least_squares
 from toposeam.layers.registration.refusals import named_pairs
@@ -343,7 +343,7 @@ def _content(layer: Layer, place: Box, box: Box, scale: int = 1) -> tuple[Floats
     image[~known] = 0
     gray = gray_of(as_float(image, layer.title, layer.data_range), np.float64)
     if scale > 1:
-        gray, known = reduced(gray, scale), reduced(known.astype(np.float32), scale) == 1
+        gray, known = reduced(gray, scale), all_of_squares(known, scale)
     gray[~known] = 0
     weight = scipy.ndimage.gaussian_filter(known.astype(np.float64), CONTENT_BLUR)
     slow = scipy.ndimage.gaussian_filter(gray, CONTENT_BLUR) / np.maximum(weight, 1e-6)

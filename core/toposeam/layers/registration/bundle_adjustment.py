@@ -213,8 +213,7 @@ class _Problem:
         own = unknowns[2:].reshape(len(self.sizes), -1)
         if self.family == "rotation":
             vectors = own[:, :3] * self._per_shift(float(unknowns[0]))
-            turns = scipy.spatial.transform.Rotation.from_rotvec(vectors).as_matrix()
-            return np.asarray(turns / _diagonals(self.focals(unknowns))[:, np.newaxis])
+            return np.asarray(_turns(vectors) / _diagonals(self.focals(unknowns))[:, np.newaxis])
         ones = np.ones((len(own), 1))
         return np.asarray(np.concatenate([own, ones], axis=1).reshape(-1, 3, 3) @ self._normal)
 
@@ -297,9 +296,10 @@ class _Problem:
             axis=1,
         )
         scene = np.append(p, np.ones((len(p), 1)), axis=1)
+        back = inverse.transpose(0, 2, 1)
         moves = (
-            np.einsum("kab,knbc,kc->kna", inverse, slopes[points.first], scene),
-            -np.einsum("kab,knbc,kc->kna", inverse, slopes[points.second], mapped),
+            np.einsum("knbc,kc->knb", slopes[points.first], scene) @ back,
+            -np.einsum("knbc,kc->knb", slopes[points.second], mapped) @ back,
         )
 
         def projected(move: Floats) -> Floats:
@@ -362,14 +362,12 @@ class _Problem:
             far = np.square(residuals / scale)
             weights = 1 / (1 + far)
             curvature = np.maximum((1 - far) * weights**2, least * weights)
-            normal = (jacobian.multiply(curvature[:, np.newaxis]).tocsr().T @ jacobian).tocsc()
+            normal = jacobian.multiply(curvature[:, np.newaxis]).tocsr().T @ jacobian
             slope = jacobian.T @ (weights * residuals)
             diagonal = normal.diagonal() + 1e-12
             before = loss
             while damping < 1e8:
-                step = scipy.sparse.linalg.spsolve(
-                    normal + scipy.sparse.diags_array(damping * diagonal), -slope
-                )
+                step = _solved(normal, damping * diagonal, -slope)
                 moved = unknowns.copy()
                 moved[where] += step
                 new_residuals, new_loss = loss_of(moved)
@@ -501,6 +499,29 @@ def _chain_cameras(
         turn = lenses[before[index]][:, np.newaxis] * own / lenses[index]
         turns[index] = turns[before[index]] @ _nearest_turn(turn)
     return problem.unknowns(turns * lenses[:, np.newaxis], focals)
+
+
+def _solved(normal: csr_array, damping: Floats, right: Floats) -> Floats:
+    """Solve damped normal equations: up to 256 as dense ones, in a fraction of the time that it takes to make
+    sparse matrices.
+    """
+    if len(damping) <= 256:
+        try:
+            return np.asarray(np.linalg.solve(normal.toarray() + np.diag(damping), right))
+        except np.linalg.LinAlgError:  # there is no such step, as of a sparse one
+            return np.full(len(right), np.nan)
+    damped = normal.tocsc() + scipy.sparse.diags_array(damping)
+    return np.asarray(scipy.sparse.linalg.spsolve(damped, right))
+
+
+def _turns(vectors: Floats) -> Floats:
+    """Compute the (N, 3, 3) matrices of (N, 3) rotation vectors, rad, by the formula of Rodrigues."""
+    angle = np.sqrt(np.square(vectors).sum(axis=1))[:, np.newaxis, np.newaxis]
+    cross = np.zeros((len(vectors), 3, 3))
+    for axis, (row, column) in enumerate(((2, 1), (0, 2), (1, 0))):
+        cross[:, row, column], cross[:, column, row] = vectors[:, axis], -vectors[:, axis]
+    sine, cosine = np.sinc(angle / np.pi), np.sinc(angle / (2 * np.pi)) ** 2 / 2
+    return np.asarray(np.eye(3) + sine * cross + cosine * (cross @ cross))
 
 
 def _diagonals(values: Floats) -> Floats:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from functools import cache, reduce
+from functools import cache
 from typing import Any, TypeVar
 
 import numpy as np
@@ -19,7 +19,7 @@ import numpy.typing as npt
 import scipy
 
 from toposeam.arrays import Bytes, Complexes, Floats, Floats32, Indices, Mask
-from toposeam.images import as_float
+from toposeam.images import all_of_squares, as_reduced, reduced
 from toposeam.layers.canvas.layer import Layer
 
 Float = TypeVar("Float", np.float32, np.float64)
@@ -120,9 +120,9 @@ def describe_picture(picture: Layer) -> FeatureSet:
     """Compute the detail and the features of a picture."""
     height, width = picture.image.shape[:2]
     detail_scale = max(1, int(np.ceil(np.sqrt(height * width / _DETAIL_PIXELS))))
-    known = reduced(picture.covered.astype(np.float32), detail_scale) == 1
-    planes = as_float(np.asarray(picture.image), picture.title, picture.data_range)
-    gray = reduced(gray_of(planes, np.float32), detail_scale)
+    known = all_of_squares(picture.covered, detail_scale)
+    planes = as_reduced(np.asarray(picture.image), detail_scale, picture.title, picture.data_range)
+    gray = gray_of(planes, np.float32)
     gray[~known] = 0
     slow = scipy.ndimage.gaussian_filter(gray, CONTENT_BLUR)
     if not known.all():
@@ -152,17 +152,6 @@ def gray_of(planes: npt.NDArray[np.float32], dtype: type[Float]) -> npt.NDArray[
     """
     channels = planes.shape[2]
     return np.asarray(planes @ np.full(channels, 1 / channels, dtype))
-
-
-def reduced(plane: npt.NDArray[Float], scale: int) -> npt.NDArray[Float]:
-    """Average a plane over squares of `scale` px a side."""
-    if scale == 1:
-        return plane
-    rows, columns = (size // scale for size in plane.shape)
-    whole = plane[: rows * scale, : columns * scale]
-    # Adding slices is five times faster than the mean of two of four axes.
-    sums = reduce(np.add, (whole[at::scale] for at in range(scale)))
-    return np.asarray(reduce(np.add, (sums[:, at::scale] for at in range(scale))) / scale**2, plane.dtype)
 
 
 def shared_features(a: FeatureSet, b: FeatureSet) -> Indices:
@@ -212,7 +201,7 @@ def find_features(image: Floats32, contrast: float) -> tuple[Floats, Bytes]:
     descriptors : (K, 128) uint8 array
     """
     points, descriptors = [np.zeros((0, 2))], [np.zeros((0, 128), np.uint8)]
-    doubled = scipy.ndimage.zoom(image, 2, order=1, mode="nearest", grid_mode=True)
+    doubled = _doubled(image)
     level = scipy.ndimage.gaussian_filter(doubled, np.sqrt(_SIFT.first_blur**2 - _SIFT.camera_blur**2))
     for octave in range(_SIFT.octaves):
         if min(doubled.shape) < _SIFT.shortest * 2**octave:
@@ -233,6 +222,21 @@ def find_features(image: Floats32, contrast: float) -> tuple[Floats, Bytes]:
                 points.append((np.stack([at.imag, at.real], axis=1) * 2.0**octave + 0.5) / 2 - 0.5)
                 descriptors.append(described)
     return np.concatenate(points), np.concatenate(descriptors)
+
+
+def _doubled(image: Floats32) -> Floats32:
+    """Double a picture's sides by linear interpolation; at its borders it goes on as there."""
+    rows, columns = image.shape
+    around = np.pad(image, 1, mode="edge").astype(float)
+    doubled = np.empty((2 * rows, 2 * columns), np.float32)
+    for down in (0, 1):
+        lines = 0.75 * around[1:-1]
+        lines += 0.25 * around[2 * down : 2 * down + rows]
+        inner = 0.75 * lines[:, 1:-1]
+        for right in (0, 1):
+            beside = 0.25 * lines[:, 2 * right : 2 * right + columns]
+            doubled[down::2, right::2] = np.add(inner, beside, out=beside)
+    return doubled
 
 
 def _blurred(first: Floats32) -> Floats32:
@@ -260,6 +264,9 @@ def _extrema(differences: Floats32, contrast: float) -> tuple[Indices, Floats]:
     flat = differences.ravel()
     strong = np.zeros(differences.shape, bool)
     strong[1:-1, 1:-1, 1:-1] = np.abs(differences[1:-1, 1:-1, 1:-1]) > 0.8 * contrast
+    for axis in (1, 2):  # few are greater or less than both neighbours in a row, and that is tested fastest
+        change = np.moveaxis(np.diff(differences[1:-1], axis=axis), axis, 0)
+        np.moveaxis(strong[1:-1], axis, 0)[1:-1] &= change[1:] * change[:-1] < 0
     place = np.flatnonzero(strong)
     value = flat[place]
     neighbours = sorted(itertools.product((-1, 0, 1), repeat=3), key=np.count_nonzero)[1:]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal, TypeAlias, get_args
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -22,12 +22,11 @@ from toposeam.layers.canvas.transforms import (
 from toposeam.layers.labelling.label_map import Pair
 from toposeam.layers.registration.pair_matching import LEAST_CORRELATION, groups
 from toposeam.sentence import counted
+from toposeam.typing import MODELS as MODELS
+from toposeam.typing import Model as Model
 
-Model: TypeAlias = Literal["shift", "similarity", "plane", "rotation"]
 #: Models with perspective.
 Family: TypeAlias = Literal["plane", "rotation"]
-#: The poorest first.
-MODELS: tuple[Model, ...] = get_args(Model)
 #: px that are left between two pictures above which they are told of: a step of 2 px in an edge is visible.
 VISIBLE_PX = 2.0
 #: Area of a canvas ÷ that of its pictures beyond which it is told.

@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 from toposeam.checks import check_choice
-
-#: "fast" searches once, with costs reduced in one way; "best" searches with costs reduced in two ways,
-#: combines the results, and searches again at full size round the places where three layers meet.
-Effort = Literal["fast", "best"]
-EFFORTS: tuple[Effort, ...] = ("fast", "best")
+from toposeam.typing import EFFORTS
+from toposeam.typing import Effort as Effort
 
 #: Least number of layers for which "best" is the default.
 BEST_FROM = 13

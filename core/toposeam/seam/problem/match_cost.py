@@ -35,7 +35,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from math import prod
-from typing import Any, Literal, get_args
+from typing import Any
 
 import numpy as np
 
@@ -44,9 +44,9 @@ from toposeam.checks import check_choice, check_range
 from toposeam.errors import OptionError, Term
 from toposeam.seam.problem.natural import LARGEST_MISMATCH, LOOK, perceived
 from toposeam.seam.problem.overlap import FREE, KEPT_PIXELS, KEPT_SHAPES, NONE, Overlap, pairs_along
+from toposeam.typing import LAWS as LAWS
+from toposeam.typing import Law as Law
 
-Law = Literal["natural", "gradient", "colour"]
-LAWS: tuple[Law, ...] = get_args(Law)
 #: 1 where the step from a pixel to the next one along an axis is known, else 0. One line may stand for all of
 #: them. Read-only.
 Steps = Floats32

@@ -138,15 +138,23 @@ def _on_pixels(cells: Floats32, offset: Sequence[int], shape: Sequence[int]) -> 
     )
 
 
+def _widened(values: Floats32, axis: int, half: int, beyond: float) -> Floats32:
+    """Put `half` entries `beyond` on either side along an axis; :func:`numpy.pad` takes long to begin."""
+    shape = list(values.shape)
+    shape[axis] += 2 * half
+    result = np.full(shape, beyond, values.dtype)
+    result[(*(slice(None),) * axis, slice(half, half + values.shape[axis]))] = values
+    return result
+
+
 def _sums(values: Floats32, size: int) -> Floats32:
     """Sum windows of an odd number of cells round every cell, on all axes but the first."""
     half = size // 2
     for axis in range(1, values.ndim):
         before = (slice(None),) * axis
-        padding = [(0, 0)] * values.ndim
-        padding[axis] = (half, half)
         length = values.shape[axis]
-        part, width, at = np.pad(values, padding), 1, 1  # `part`: sums of `width` cells from each place on
+        part = _widened(values, axis, half, 0.0)  # sums of `width` cells from each place on
+        width = at = 1
         total = part[(*before, slice(length))].copy()
         while 2 * width <= size:
             part = part[(*before, slice(None, -width))] + part[(*before, slice(width, None))]
@@ -195,9 +203,7 @@ def _extreme(operation: np.ufunc, values: Floats32, size: int, beyond: float) ->
     half = size // 2
     for axis in range(1, values.ndim):
         before = (slice(None),) * axis
-        padding = [(0, 0)] * values.ndim
-        padding[axis] = (half, half)
-        values = np.pad(values, padding, constant_values=beyond)
+        values = _widened(values, axis, half, beyond)
         width = 1
         while width < size:
             step = min(width, size - width)

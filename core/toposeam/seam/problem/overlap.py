@@ -29,7 +29,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Literal, get_args
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -38,11 +38,10 @@ import scipy
 from toposeam.arrays import Mask
 from toposeam.checks import check_choice, check_number, check_range
 from toposeam.errors import OverlapError
+from toposeam.typing import SIDES as SIDES
+from toposeam.typing import Side as Side
 
 A, B, FREE, NONE = 0, 1, 2, 3
-
-Side = Literal["right", "left", "bottom", "top"]
-SIDES: tuple[Side, ...] = get_args(Side)
 
 #: Largest window, in pixels, of which all that its shape decides is cached for later ones of the same shape.
 KEPT_PIXELS = 1 << 14

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any, Literal, get_args
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from toposeam.texture.exemplar.sources import Sources
-
-Turns = Literal["none", "mirror", "quarters", "all"]
-#: As they are; mirrored left to right as well; turned by quarters; both.
-TURNS: tuple[Turns, ...] = get_args(Turns)
+from toposeam.typing import TURNS as TURNS
+from toposeam.typing import Turns as Turns
 
 #: Quarter turns to the left, and whether they are mirrored before.
 _KINDS: dict[Turns, tuple[tuple[int, bool], ...]] = {

@@ -574,7 +574,7 @@ WRONG = {
         "view: projection is 'mercator'; write one of flat, cylinder, sphere, panini",
     ),
     "radius of nothing": (cameras(radius="0"), "view: radius is 0; write a number from 0.001 to 1e+09"),
-    "radius beyond memory": (cameras(radius="1e8"), "more than 1000 megapixels; check where they lie"),
+    "radius beyond memory": (cameras(radius="1e8"), "more than 16 megapixels; check where they lie"),
     "no radius": (cameras().replace("radius", "wide"), "write projection, radius and perhaps wrap"),
     "no view": (
         cameras()[cameras().index("[[layer]]") :],
@@ -614,7 +614,7 @@ WRONG = {
     ),
     "enlarged beyond memory": (
         matrices("matrix = [[1000, 0, 0], [0, 1000, 0], [0, 0, 1]]"),
-        "more than 1000 megapixels; check where they lie",
+        "more than 16 megapixels; check where they lie",
     ),
     "all behind": (matrices("matrix = [[1, 0, 0], [0, 1, 0], [-9, -9, 1e-6]]"), "shows nothing of s.png"),
 }

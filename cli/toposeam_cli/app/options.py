@@ -420,7 +420,8 @@ def placement(megapixels: float) -> Callable[[Callable[..., Any]], Callable[...,
         type=MEGAPIXELS,
         default=megapixels,
         show_default=True,
-        help="Refuse pictures that are larger, each or all together, and if given a canvas that is.",
+        help="Refuse pictures that are larger, each or all together, and if given a canvas that is; else a "
+        "canvas over 16 megapixels may have 16 times the pixels of its pictures.",
     )
 
     def decorate(command: Callable[..., Any]) -> Callable[..., Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field, replace
@@ -32,7 +33,7 @@ from toposeam_cli.media.pictures.lens import exposure, focal_length, in_pixels, 
 from toposeam_cli.media.pictures.masks import read_white
 from toposeam_cli.media.pictures.picture import MAX_PIXELS, Picture, match_pictures, read_picture
 from toposeam_cli.stitching.positions import Where, places_of
-from toposeam_cli.stitching.resample import blank, placed_layers
+from toposeam_cli.stitching.resample import blank, check_canvas, placed_layers
 
 if TYPE_CHECKING:
     from toposeam_cli.files.scratch import Scratch
@@ -48,6 +49,9 @@ LAYOUTS = (".toml", ".json", ".pto")
 #: Largest number of pixels of all pictures together that are kept in memory; with more they are stored in
 #: files.
 STORED_PIXELS = 64_000_000
+#: A canvas that nobody allowed has at most so many times the pixels of its pictures, or so many megapixels:
+#: a file of a hundred bytes asks for a thousand.
+_LARGEST_RATIO, _SMALL_MEGAPIXELS = 16, 16.0
 
 
 def picture_number(key: str, names: Mapping[int, str], count: int) -> int | None:
@@ -273,7 +277,8 @@ def arrange(
     )
     sources = _with_masks(named, sources, masks, keeps)
     layers = _masked(named.layers, sources, limit)
-    most = canvas_megapixels(max_megapixels)
+    pixels = sum(math.prod(source.picture.pixels.shape[:2]) for source in sources)
+    most = canvas_megapixels(max_megapixels, pixels)
     place: Places = lay or partial(placed_layers, scratch=kept, executor=executor, max_megapixels=most)
     placement = None
     other_groups: tuple[tuple[Path, ...], ...] = ()
@@ -297,9 +302,9 @@ def arrange(
         pictures = [pictures[number] for number in placement.numbers]
     else:
         transforms = _turned(named, transforms, wrap, finding)
+        if len(layers) == 2 and not alone:
+            _check_touching(*map(blank, layers, map(settled, transforms)))
         layers = list(place(layers, transforms))
-    if len(layers) == 2 and not alone:
-        _check_touching(*layers)
     return replace(
         named,
         pictures=tuple(map(_as_placed, pictures, layers)),
@@ -371,9 +376,17 @@ def _files_of(sources: Sequence[_Source]) -> dict[str, Any]:
     }
 
 
-def canvas_megapixels(max_megapixels: float) -> float:
-    """Return the limit for the canvas: that of the pictures if one is given, else the library's."""
-    return ts.MAX_PIXELS / 1e6 if max_megapixels * 1e6 == MAX_PIXELS else max_megapixels
+def canvas_megapixels(max_megapixels: float, pixels: float = math.inf) -> float:
+    """Return the limit for a canvas: that of the pictures if one is given, else the library's, or what
+    pictures of so many pixels fill.
+    """
+    given = max_megapixels * 1e6 != MAX_PIXELS
+    return max_megapixels if given else sparse_megapixels(ts.MAX_PIXELS / 1e6, pixels)
+
+
+def sparse_megapixels(most: float, pixels: float) -> float:
+    """Return the limit for a canvas that pictures of so many pixels fill in part."""
+    return min(most, max(_SMALL_MEGAPIXELS, _LARGEST_RATIO * pixels / 1e6))
 
 
 def _check_extent(layers: Sequence[LayoutLayer], limit: int) -> None:
@@ -385,14 +398,15 @@ def _check_extent(layers: Sequence[LayoutLayer], limit: int) -> None:
     """
     from toposeam.layers.labelling.posing import check_pairs
 
-    blanks = []
+    blanks, pixels = [], 0
     for layer in layers:
         with suppress(ts.ImageError):  # raised again where the file is read
             width, height = size_of(layer.file)
+            pixels += width * height
             nothing = np.broadcast_to(np.uint8(0), (height, width))
             blanks.append(blank(ts.Layer(nothing, name=layer.name), layer.transform))
     if blanks:
-        ts.layers.common_canvas(blanks, max_megapixels=canvas_megapixels(limit / 1e6))
+        check_canvas(blanks, canvas_megapixels(limit / 1e6, pixels))
         check_pairs(blanks)
 
 

@@ -170,8 +170,7 @@ def documents_of(
     """Return the documents of a result, by their files: seams, history and page."""
     composed, documents = rendered.composition, dict[Path, bytes]()
     if out.seam is not None:
-        one = composed.seams[0] if len(job.layers) == 2 and not job.stored else composed
-        documents[out.seam] = one.to_svg().encode()
+        documents[out.seam] = composed.to_svg().encode()
     if out.history is not None:
         from toposeam_cli.figures.search import draw_search
 

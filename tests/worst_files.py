@@ -113,8 +113,16 @@ def doors():
     yield "`.pto` of 10,000 × 10,000 px", {**pair, "p.pto": big.encode()}, ["stitch", "p.pto", *join]
     fits = big.replace("10000", "4000")
     yield "`.pto` of 4,000 × 4,000 px", {**pair, "p.pto": fits.encode()}, ["stitch", "p.pto", *join]
-    yield "layout of 430 pictures 30,000 px apart", {**pair, "l.toml": chain(430, 70)}, ["stitch", "l.toml", *join]
-    yield "layout of 430 pictures 8,000 px apart", {**pair, "l.toml": chain(430, 19)}, ["stitch", "l.toml", *join]
+    yield (
+        "layout of 430 pictures 30,000 px apart",
+        {**pair, "l.toml": chain(430, 70)},
+        ["stitch", "l.toml", *join],
+    )
+    yield (
+        "layout of 430 pictures 8,000 px apart",
+        {**pair, "l.toml": chain(430, 19)},
+        ["stitch", "l.toml", *join],
+    )
     yield (
         "`.pto` of 1,000 pictures in one place",
         {**pair, "p.pto": turned(1000, 0.01, 2000).encode()},

@@ -749,7 +749,7 @@ def test_one_picture_and_what_does_not_belong_are_refused(sole, other, kind):
 @pytest.mark.medium
 def test_the_same_picture_twice(views, toposeam, other, sole):
     again = other("again")
-    sole("nothing divides the pictures", "b.png", again)
+    sole("both cover the same ground, so that there is nothing to join", "b.png", again)
     ran = joined(toposeam, "a.png", "b.png", again, "-o", "out.png", "--save-layout", "out.toml")
     assert re.fullmatch(r"warning: (b|again)\.png does not show, as others cover it[^\n]+\n", ran.err)
     transforms, _ = layout_of("out.toml", SIZE)

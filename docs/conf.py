@@ -152,13 +152,13 @@ PICTURED = {
     "generate_motif": "motifs-seeds.jpg",
     "join_volumes": "volume-cells.png",
     "loop": "loop-strip.jpg",
-    "make_tileable": "texture-tile.jpg",
     "motif.join_motifs": "motifs-joined.jpg",
     "plan_path": "paths-obstacles.png",
     "repeat": "patterns-rules.jpg",
     "solid.generate_solid": "studies-solids.jpg",
     "stitch": "stitching-coffee.jpg",
-    "synthesize": "texture-maps.jpg",
+    "synth": "texture-maps.jpg",
+    "tile": "texture-tile.jpg",
 }
 
 

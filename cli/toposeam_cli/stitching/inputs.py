@@ -302,9 +302,7 @@ def arrange(
         pictures = [pictures[number] for number in placement.numbers]
     else:
         transforms = _turned(named, transforms, wrap, finding)
-        if len(layers) == 2 and not alone:
-            _check_touching(*map(blank, layers, map(settled, transforms)))
-        layers = list(place(layers, transforms))
+        layers = _laid(layers, transforms, place, alone)
     return replace(
         named,
         pictures=tuple(map(_as_placed, pictures, layers)),
@@ -319,6 +317,30 @@ def arrange(
         transforms=tuple(map(settled, transforms)),
         wrap=wrap,
     )
+
+
+def _laid(
+    layers: Sequence[ts.Layer], transforms: Sequence[Transform], place: Places, alone: bool
+) -> list[ts.Layer]:
+    """Lay layers in given places.
+
+    Raises
+    ------
+    OverlapError
+        If two lie beside each other.
+    OptionError
+        If the canvas is too large.
+    """
+    one_pair = len(layers) == 2 and not alone
+    try:
+        laid = list(place(layers, transforms))
+    except ts.OptionError:
+        if one_pair:  # whose places are told
+            _check_touching(*map(blank, layers, map(settled, transforms)))
+        raise
+    if one_pair:
+        _check_touching(*laid)
+    return laid
 
 
 def _horizon(named: PlacedPictures, finding: PlaceFinding) -> tuple[int, Any] | None:

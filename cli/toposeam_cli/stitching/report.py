@@ -233,10 +233,10 @@ def doubts(job: PlacedPictures) -> list[str]:
 
 def _within_others(layers: Sequence[ts.Layer]) -> list[str]:
     """Name the one of two pictures that lies within the other, in a sentence."""
-    if len(layers) != 2:  # of more, those that do not show are named
-        return []
+    if len(layers) != 2 or layers[0].alpha is not None or layers[1].alpha is not None:
+        return []  # of more, those that do not show are named
     a, b = extent_of(layers).places
-    inside = [index for index in (1, 0) if a.shared(b) == (a, b)[index] and layers[index].alpha is None]
+    inside = [index for index in (1, 0) if a.shared(b) == (a, b)[index]]
     return [
         f"{layers[index].name} shows nothing that {layers[1 - index].name} does not show as well; leave "
         "it out unless it is to cover what is there"

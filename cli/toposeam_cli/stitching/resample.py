@@ -49,6 +49,10 @@ def placed_layers(
         When the canvas would be larger, before any is warped.
     """
     transforms = list(map(settled, transforms))
+    if all(map(is_move, transforms)):
+        moved = list(map(on_canvas, layers, transforms))
+        check_canvas(moved, max_megapixels)
+        return moved
     check_canvas(list(map(blank, layers, transforms)), max_megapixels)
     both = list(zip(layers, transforms, strict=True))
     if scratch is None:

@@ -371,7 +371,7 @@ PLACEMENT: tuple[Callable[[Any], Any], ...] = (
         heading="Seam",
         kept=True,
         type=FILE,
-        help="Image of the canvas's size; no seam touches its white pixels.",
+        help="Image of the canvas's size; no seam touches its white pixels. Or box:X,Y,W,H, ellipse:X,Y,W,H.",
     ),
     option(
         "--cost",

@@ -1,6 +1,7 @@
 """The short help, and the full one under headings."""
 
 import re
+from pathlib import Path
 
 import click
 import pytest
@@ -101,6 +102,33 @@ def test_all_options_of_all_commands_can_be_shown(toposeam):
     for name in LEAFS:
         assert re.search(rf"^Usage: \S+ {name} ", text, re.MULTILINE)
     assert set(shown(text)) >= {max(each.opts, key=len) for name in LEAFS for each in options(name)}
+
+
+@pytest.mark.medium
+def test_the_site_has_a_page_for_each_command_with_all_its_options(monkeypatch):
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "docs"))
+    from command_reference import command_pages
+
+    pages = command_pages()
+    assert set(pages) == {
+        "commands",
+        *(f"command.{name}" for name in main.list_commands(click.Context(main))),
+    }
+    for name in LEAFS:
+        page = pages[f"command.{name}"]
+        told = re.findall(r"^\.\. option:: (.+)$", page, re.MULTILINE)
+        assert [re.findall(r"(?:^|, )(--?[\w-]+)", line) for line in told] == [
+            names(each) for each in sorted_by_heading(options(name))
+        ]
+        assert f":doc:`{name} <command.{name}>`" in pages["commands"]
+
+
+def sorted_by_heading(given):
+    """Options in the order of the headings, of which some come last."""
+    last = ("Output", "Speed and memory", "Options")
+    headings = list(dict.fromkeys(getattr(each, "heading", "Options") for each in given))
+    headings.sort(key=lambda name: last.index(name) if name in last else -1)
+    return sorted(given, key=lambda each: headings.index(getattr(each, "heading", "Options")))
 
 
 def test_a_command_is_the_same_after_its_help_was_shown():

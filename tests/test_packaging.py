@@ -317,6 +317,34 @@ def test_recipes_have_the_fields_that_are_listed():
     assert f'version: "{project_version()}"' in recipe
 
 
+def test_the_address_is_filled_in_everywhere_or_nowhere(tmp_path):
+    makefile = (HERE / "Makefile").read_text(encoding="utf-8")
+    files = re.search(r"^ADDRESSED := (.+)$", makefile, re.MULTILINE)[1].split()
+    texts = {name: (HERE / name).read_text(encoding="utf-8") for name in files}
+    address = tomllib.loads(texts["pyproject.toml"])["project"]["urls"]["Repository"]
+    assert address == "REPOSITORY_URL" or address.startswith("https://")
+    assert not [name for name, text in texts.items() if address not in text]
+    left = {name for name, text in texts.items() if "REPOSITORY_URL" in text}
+    assert left == (set(files) if address == "REPOSITORY_URL" else set())
+    recipes = (HERE / "packaging/README.md").read_text(encoding="utf-8")
+    assert not [name for name in files if f"`{name.removeprefix('packaging/')}`" not in recipes]
+
+
+def test_make_fills_the_address_in(tmp_path):
+    makefile = (HERE / "Makefile").read_text(encoding="utf-8")
+    files = re.search(r"^ADDRESSED := (.+)$", makefile, re.MULTILINE)[1].split()
+    for name in ("Makefile", *files):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text("at REPOSITORY_URL.\n" if name in files else makefile, encoding="utf-8")
+    subprocess.run(
+        ["make", "address", "URL=https://a.example/b"], cwd=tmp_path, check=True, capture_output=True
+    )
+    for name in files:
+        assert (tmp_path / name).read_text(encoding="utf-8") == "at https://a.example/b.\n"
+        assert not (tmp_path / f"{name}.bak").exists()
+    assert subprocess.run(["make", "address"], cwd=tmp_path, check=False, capture_output=True).returncode
+
+
 def project_version():
     return re.search(
         r'__version__ = "(.+)"', (HERE / "core/toposeam/__init__.py").read_text(encoding="utf-8")

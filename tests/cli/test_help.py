@@ -105,7 +105,7 @@ def test_all_options_of_all_commands_can_be_shown(toposeam):
 
 
 @pytest.mark.medium
-def test_the_site_has_a_page_for_each_command_with_all_its_options(monkeypatch):
+def test_the_site_has_a_page_with_all_options_of_each_command(monkeypatch):
     monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "docs"))
     from command_reference import command_pages
 

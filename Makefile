@@ -6,7 +6,7 @@ READY := $(VENV)/.ready
 ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1
 
 .DEFAULT_GOAL := help
-.PHONY: house browser test-gimp-all help demo test test-lowest docs quick release gimp test-gimp gimp-figures bench-gimp translations plugin-zip check check-deep check-trust lint format bench bench-all results guard figures clean
+.PHONY: address house browser test-gimp-all help demo test test-lowest docs quick release gimp test-gimp gimp-figures bench-gimp translations plugin-zip check check-deep check-trust lint format bench bench-all results guard figures clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
@@ -87,6 +87,11 @@ check-trust: $(READY)  ## 18,000 drawn commands and calls, 200 kills, full disks
 		tests/cli/test_second_user.py tests/cli/test_doors.py tests/cli/test_budgets.py tests/cli/commands/test_hostile_stacks.py \
 		tests/cli/commands/test_loop_command.py
 	$(BIN)/python tests/worst_files.py
+
+ADDRESSED := pyproject.toml CITATION.cff docs/install.md packaging/conda/recipe.yaml
+address:  ## fill in where the source lies: make address URL=https://…
+	@test -n "$(URL)" || { echo "say where the source lies: make address URL=https://…"; exit 2; }
+	sed -i.bak 's|REPOSITORY_URL|$(URL)|g' $(ADDRESSED) && rm -f $(ADDRESSED:=.bak)
 
 lint: $(READY)  ## ruff and mypy
 	$(BIN)/python -m ruff check .

@@ -19,6 +19,9 @@ from sphinx.application import Sphinx
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "docs"))
+
+from command_reference import command_pages  # noqa: E402 - it lies beside this file
+
 _MADE = json.loads((ROOT / "docs/figures/made.json").read_text(encoding="utf-8"))
 _PUBLIC = ROOT / "core/toposeam"
 
@@ -152,13 +155,13 @@ PICTURED = {
     "generate_motif": "motifs-seeds.jpg",
     "join_volumes": "volume-cells.png",
     "loop": "loop-strip.jpg",
-    "make_tileable": "texture-tile.jpg",
     "motif.join_motifs": "motifs-joined.jpg",
     "plan_path": "paths-obstacles.png",
     "repeat": "patterns-rules.jpg",
     "solid.generate_solid": "studies-solids.jpg",
     "stitch": "stitching-coffee.jpg",
-    "synthesize": "texture-maps.jpg",
+    "synth": "texture-maps.jpg",
+    "tile": "texture-tile.jpg",
 }
 
 
@@ -173,7 +176,7 @@ def write_reference(folder: Path) -> None:
         found = [
             (name, module)
             for name, module in sorted(
-                names.items(), key=lambda pair: (pair[0].split(".")[-1][0].isupper(), pair)
+                names.items(), key=lambda pair: (pair[0].split(".")[-1][0].isupper(), "." in pair[0], pair)
             )
             if (room := module.split(".")[1]) in kept or (not kept and room not in rooms)
         ]
@@ -198,8 +201,18 @@ def write_reference(folder: Path) -> None:
         _write(folder / f"{page}.rst", "\n".join(lines))
         pages |= {page, *map(_page, listed)}
     index = ["Reference", "=========", "", "What ``import toposeam as ts`` offers.", ""]
-    index += [".. toctree::", "   :maxdepth: 2", "", *(f"   {page}" for page in PAGES), ""]
+    index += [
+        ".. toctree::",
+        "   :maxdepth: 2",
+        "   :includehidden:",
+        "",
+        *(f"   {page}" for page in PAGES),
+        "",
+    ]
     _write(folder / "index.rst", "\n".join(index))
+    for page, text in command_pages().items():
+        _write(folder / f"{page}.rst", text)
+        pages.add(page)
     for old in folder.glob("*.rst"):
         if old.stem not in pages:
             old.unlink()

@@ -290,7 +290,7 @@ def test_the_tests_are_collected_where_there_is_nothing_of_unix(tmp_path):
 @pytest.mark.parametrize("document", ["NOTICE", "docs/dependencies.md"])
 def test_documents_name_what_installing_brings(document):
     project = tomllib.loads((HERE / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    extras = ("cli", "heic", "plot", "dask", "video", "volumes", "fast", "graphcut")
+    extras = ("cli", "plot", "dask", "video", "volumes", "fast", "graphcut")
     wanted = [
         *project["dependencies"],
         *(one for extra in extras for one in project["optional-dependencies"][extra]),
@@ -312,9 +312,37 @@ def test_recipes_have_the_fields_that_are_listed():
     names = {re.match(r"[\w-]+", one)[0].lower(): re.search(r">=([\d.]+)", one)[1] for one in wanted}
     run = dict(re.findall(r"^    - ([\w-]+) >=([\d.]+)$", recipe.partition("  run:")[2], re.MULTILINE))
     assert run == {
-        name: floor for name, floor in names.items() if name != "qdldl"
+        name: floor for name, floor in names.items() if name not in ("qdldl", "pi-heif")
     }  # which conda does not have
     assert f'version: "{project_version()}"' in recipe
+
+
+def test_the_address_is_filled_in_everywhere_or_nowhere(tmp_path):
+    makefile = (HERE / "Makefile").read_text(encoding="utf-8")
+    files = re.search(r"^ADDRESSED := (.+)$", makefile, re.MULTILINE)[1].split()
+    texts = {name: (HERE / name).read_text(encoding="utf-8") for name in files}
+    address = tomllib.loads(texts["pyproject.toml"])["project"]["urls"]["Repository"]
+    assert address == "REPOSITORY_URL" or address.startswith("https://")
+    assert not [name for name, text in texts.items() if address not in text]
+    left = {name for name, text in texts.items() if "REPOSITORY_URL" in text}
+    assert left == (set(files) if address == "REPOSITORY_URL" else set())
+    recipes = (HERE / "packaging/README.md").read_text(encoding="utf-8")
+    assert not [name for name in files if f"`{name.removeprefix('packaging/')}`" not in recipes]
+
+
+def test_make_fills_the_address_in(tmp_path):
+    makefile = (HERE / "Makefile").read_text(encoding="utf-8")
+    files = re.search(r"^ADDRESSED := (.+)$", makefile, re.MULTILINE)[1].split()
+    for name in ("Makefile", *files):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text("at REPOSITORY_URL.\n" if name in files else makefile, encoding="utf-8")
+    subprocess.run(
+        ["make", "address", "URL=https://a.example/b"], cwd=tmp_path, check=True, capture_output=True
+    )
+    for name in files:
+        assert (tmp_path / name).read_text(encoding="utf-8") == "at https://a.example/b.\n"
+        assert not (tmp_path / f"{name}.bak").exists()
+    assert subprocess.run(["make", "address"], cwd=tmp_path, check=False, capture_output=True).returncode
 
 
 def project_version():

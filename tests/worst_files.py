@@ -12,6 +12,7 @@ import struct
 import subprocess
 import sys
 import tempfile
+import zipfile
 import zlib
 from pathlib import Path
 
@@ -61,6 +62,24 @@ def turned(number, step, size):
     return "\n".join([*lines, *(f'i w100 h100 f0 v50 y{step * each} n"a.png"' for each in range(number))])
 
 
+def chain(number, step):
+    """A layout of pictures along a diagonal."""
+    place = '[[layer]]\nfile = "{}.png"\nname = "{}"\nat = [{}, {}]\n'
+    return "".join(place.format("ab"[n % 2], n, n * step, n * step) for n in range(number)).encode()
+
+
+def archive():
+    """An OpenRaster file of two layers of 100 megapixels in one colour."""
+    file, layer = io.BytesIO(), plain(10_000, 10_000)
+    stack = "".join(f'<layer name="{n}" src="data/{n}.png" x="{9000 * n}" y="0"/>' for n in range(2))
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as made:
+        made.writestr("mimetype", "image/openraster", zipfile.ZIP_STORED)
+        made.writestr("stack.xml", f'<image w="19000" h="10000"><stack>{stack}</stack></image>')
+        for number in range(2):
+            made.writestr(f"data/{number}.png", layer)
+    return file.getvalue()
+
+
 def doors():
     """Each door: its name, its files, and the words after ``toposeam``."""
     pair = {"a.png": saved(noise(100), "png"), "b.png": saved(noise(100), "png")}
@@ -92,10 +111,17 @@ def doors():
         [*("stitch", "a.png", "c.jp2", "--offset", "50,0", *join)],
     )
     yield "`.pto` of 10,000 × 10,000 px", {**pair, "p.pto": big.encode()}, ["stitch", "p.pto", *join]
+    fits = big.replace("10000", "4000")
+    yield "`.pto` of 4,000 × 4,000 px", {**pair, "p.pto": fits.encode()}, ["stitch", "p.pto", *join]
     yield (
-        "the same, `--max-megapixels 1`",
-        {**pair, "p.pto": big.encode()},
-        [*("stitch", "p.pto", "--max-megapixels", "1", *join)],
+        "layout of 430 pictures 30,000 px apart",
+        {**pair, "l.toml": chain(430, 70)},
+        ["stitch", "l.toml", *join],
+    )
+    yield (
+        "layout of 430 pictures 8,000 px apart",
+        {**pair, "l.toml": chain(430, 19)},
+        ["stitch", "l.toml", *join],
     )
     yield (
         "`.pto` of 1,000 pictures in one place",
@@ -136,6 +162,13 @@ def doors():
         frame.putpixel((number, 0), 1)  # else it is the same frame, shown longer
     clip = saved(frames[0], "gif", save_all=True, append_images=frames[1:])
     yield "GIF of 31 frames of 9 megapixels", {"c.gif": clip}, ["loop", "c.gif", "-o", "out.gif"]
+    yield "OpenRaster, two layers of 100 megapixels", {"l.ora": archive()}, ["stitch", "l.ora", *join]
+    colours = "".join(f"{n % 256} {n // 256 % 256} 0 c{n}\n" for n in range(60_000))
+    yield (
+        "palette of 60,000 colours",
+        {"p.gpl": f"GIMP Palette\n{colours}".encode()},
+        ["motif", "--palette", "p.gpl", "--size", "64", *join],
+    )
     header = io.BytesIO()
     claimed = {"descr": "|u1", "fortran_order": False, "shape": (4000, 4000, 4000)}
     np.lib.format.write_array_header_1_0(header, claimed)

@@ -18,8 +18,8 @@ from .motif.motif import repeat
 from .path.plan import plan_path
 from .seam.find import find_seam
 from .texture.fill import fill
-from .texture.synthesize import synthesize
-from .texture.tile import make_tileable
+from .texture.synthesize import synth, synthesize
+from .texture.tile import make_tileable, tile
 from .volume.clip.loop import loop
 from .volume.find import find_surface
 from .volume.join import join_volumes
@@ -54,8 +54,10 @@ __all__ = [
     "seam",
     "solid",
     "stitch",
+    "synth",
     "synthesize",
     "texture",
+    "tile",
     "to_pil",
     "typing",
     "vector",

@@ -362,3 +362,20 @@ def options_from(
             allowed=tuple(known),
         )
     return kind(**given)
+
+
+def with_meant(error: OptionError, names: Collection[str]) -> OptionError:
+    """Return an error about an unknown option with the name of `names` that was meant, if one is alike."""
+    from difflib import get_close_matches  # only for errors
+
+    unknown = str(error.parameter) if error.kind == "unknown" else ""
+    meant = get_close_matches(unknown, names, 1, 0.8)
+    if not meant:
+        return error
+    return OptionError(
+        "there is no option {name}; did you mean {meant}?",
+        kind="unknown",
+        parameter=error.parameter,
+        name=unknown,
+        meant=Term(meant[0]),
+    )

@@ -8,6 +8,7 @@ from PIL import Image
 
 from toposeam_cli.files.tables import LARGEST_BYTES, read_table
 from toposeam_cli.media.pictures.lens import noted
+from toposeam_cli.stitching.inputs import canvas_megapixels
 
 
 @pytest.fixture
@@ -36,6 +37,54 @@ def test_the_limit_of_pictures_is_that_of_the_canvas(toposeam, pair):
     ran.fails("more than 0.05 megapixels")
 
 
+def test_a_project_asks_for_no_canvas_beyond_its_pictures(toposeam, pair, monkeypatch):
+    monkeypatch.setattr(
+        "toposeam_cli.stitching.inputs.read_picture", lambda *_, **__: pytest.fail("was read")
+    )
+    joined(toposeam, pair, project(pair, 2)).fails(
+        "16 megapixels; check where they lie, or allow more with --max-megapixels"
+    )
+
+
+def chain(folder, count, step):
+    """Pictures along a diagonal, whose canvas is all but empty."""
+    tables = (
+        f'[[layer]]\nfile = "{"ab"[n % 2]}.png"\nname = "{n}"\nat = [{step * n}, {step * n}]\n'
+        for n in range(count)
+    )
+    (folder / "chain.toml").write_text("".join(tables))
+    return str(folder / "chain.toml")
+
+
+def test_a_canvas_that_is_all_but_empty_is_allowed_by_name(toposeam, pair):
+    sparse = chain(pair, 60, 70)  # 4230 × 4230 px
+    joined(toposeam, pair, sparse).fails("span 4230 × 4230 px, more than 16 megapixels")
+    assert joined(toposeam, pair, sparse, "--max-megapixels", "18").code == 0
+
+
+def test_a_canvas_may_be_several_times_its_pictures():
+    assert canvas_megapixels(500, 8_000_000) == 128
+    assert canvas_megapixels(500, 100) == 16
+    assert canvas_megapixels(500, 400_000_000) == 1000
+    assert canvas_megapixels(30, 100) == 30
+
+
+def test_enblend_makes_no_canvas_that_is_all_but_empty(toposeam, tmp_path):
+    tifffile = pytest.importorskip("tifffile")
+    names = []
+    for number in range(60):
+        names.append(str(tmp_path / f"{number}.tif"))
+        place = [(tag, 5, 1, (70 * number, 1), False) for tag in (286, 287)]
+        tifffile.imwrite(
+            names[-1],
+            np.full((100, 100, 3), number, np.uint8),
+            photometric="rgb",
+            resolution=(1, 1),
+            extratags=place,
+        )
+    toposeam("enblend", "-o", str(tmp_path / "o.tif"), *names).fails("give the frame, as -f WIDTHxHEIGHT")
+
+
 def test_a_layout_far_apart_is_refused_before_it_is_read(toposeam, pair, monkeypatch):
     (pair / "far.toml").write_text(
         '[[layer]]\nfile = "a.png"\nat = [0, 0]\n[[layer]]\nfile = "b.png"\nat = [400, 0]\n'
@@ -59,7 +108,7 @@ def test_a_matrix_that_magnifies_beyond_measure(toposeam, pair, matrix):
     (pair / "m.toml").write_text(
         f'[[layer]]\nfile = "a.png"\nat = [0, 0]\n[[layer]]\nfile = "b.png"\nmatrix = {matrix}\n'
     )
-    joined(toposeam, pair, str(pair / "m.toml")).fails("more than 1000 megapixels")
+    joined(toposeam, pair, str(pair / "m.toml")).fails("more than 16 megapixels")
 
 
 def test_a_table_of_points_has_an_end(toposeam, pair):

@@ -1,11 +1,13 @@
 """The short help, and the full one under headings."""
 
 import re
+from pathlib import Path
 
 import click
 import pytest
 
 from toposeam_cli.app.command import Command, HeadedOption
+from toposeam_cli.app.main import GROUPS, main
 from toposeam_cli.app.registry import COMMANDS, load
 
 LEAFS = [name for name in COMMANDS if not isinstance(load(name), click.Group)]
@@ -80,6 +82,53 @@ def test_manual_page_and_completion_have_all_options(toposeam):
     offered = {item.value for item in command.shell_complete(context, "--")}
     assert {name for each in options("stitch") for name in names(each) if name[:2] == "--"} <= offered
     assert "--help-all" in offered
+
+
+def test_the_help_of_all_is_grouped_and_cuts_no_summary(toposeam):
+    text = toposeam("--help").out
+    headings = re.findall(r"^(\w+):$", text, re.MULTILINE)
+    assert headings == ["Options", "Join", "Grow", "Invent", "Tools"]
+    listed = re.findall(r"^  (\w+) {2,}[A-Z]", text.partition("\nJoin:")[2], re.MULTILINE)
+    assert sorted(listed) == main.list_commands(click.Context(main))
+    assert "…" not in text
+    assert "..." not in text.partition("\nJoin:")[2]
+    assert "\n  toposeam stitch " in text
+    for names in GROUPS.values():
+        assert set(names) <= set(COMMANDS)
+
+
+def test_all_options_of_all_commands_can_be_shown(toposeam):
+    text = toposeam("--help-all").out
+    for name in LEAFS:
+        assert re.search(rf"^Usage: \S+ {name} ", text, re.MULTILINE)
+    assert set(shown(text)) >= {max(each.opts, key=len) for name in LEAFS for each in options(name)}
+
+
+@pytest.mark.medium
+def test_the_site_has_a_page_with_all_options_of_each_command(monkeypatch):
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "docs"))
+    from command_reference import command_pages
+
+    pages = command_pages()
+    assert set(pages) == {
+        "commands",
+        *(f"command.{name}" for name in main.list_commands(click.Context(main))),
+    }
+    for name in LEAFS:
+        page = pages[f"command.{name}"]
+        told = re.findall(r"^\.\. option:: (.+)$", page, re.MULTILINE)
+        assert [re.findall(r"(?:^|, )(--?[\w-]+)", line) for line in told] == [
+            names(each) for each in sorted_by_heading(options(name))
+        ]
+        assert f":doc:`{name} <command.{name}>`" in pages["commands"]
+
+
+def sorted_by_heading(given):
+    """Options in the order of the headings, of which some come last."""
+    last = ("Output", "Speed and memory", "Options")
+    headings = list(dict.fromkeys(getattr(each, "heading", "Options") for each in given))
+    headings.sort(key=lambda name: last.index(name) if name in last else -1)
+    return sorted(given, key=lambda each: headings.index(getattr(each, "heading", "Options")))
 
 
 def test_a_command_is_the_same_after_its_help_was_shown():

@@ -573,7 +573,7 @@ WRONG = {
         "view: projection is 'mercator'; write one of flat, cylinder, sphere, panini",
     ),
     "radius of nothing": (cameras(radius="0"), "view: radius is 0; write a number from 0.001 to 1e+09"),
-    "radius beyond memory": (cameras(radius="1e8"), "more than 1000 megapixels; check where they lie"),
+    "radius beyond memory": (cameras(radius="1e8"), "more than 16 megapixels; check where they lie"),
     "no radius": (cameras().replace("radius", "wide"), "write projection, radius and perhaps wrap"),
     "no view": (
         cameras()[cameras().index("[[layer]]") :],
@@ -613,7 +613,7 @@ WRONG = {
     ),
     "enlarged beyond memory": (
         matrices("matrix = [[1000, 0, 0], [0, 1000, 0], [0, 0, 1]]"),
-        "more than 1000 megapixels; check where they lie",
+        "more than 16 megapixels; check where they lie",
     ),
     "all behind": (matrices("matrix = [[1, 0, 0], [0, 1, 0], [-9, -9, 1e-6]]"), "shows nothing of s.png"),
 }
@@ -748,7 +748,7 @@ def test_one_picture_and_what_does_not_belong_are_refused(sole, other, kind):
 @pytest.mark.medium
 def test_the_same_picture_twice(views, toposeam, other, sole):
     again = other("again")
-    sole("nothing divides the pictures", "b.png", again)
+    sole("both cover the same ground, so that there is nothing to join", "b.png", again)
     ran = joined(toposeam, "a.png", "b.png", again, "-o", "out.png", "--save-layout", "out.toml")
     assert re.fullmatch(r"warning: (b|again)\.png does not show, as others cover it[^\n]+\n", ran.err)
     transforms, _ = layout_of("out.toml", SIZE)

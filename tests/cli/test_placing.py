@@ -41,6 +41,19 @@ def test_b_lies_at_its_side_of_a_picture_of_another_size(unlike, side, at):
     assert [layer.at for layer in job.layers] == [(0, 0), at]
 
 
+@pytest.mark.medium
+def test_a_picture_within_another_one_is_told(toposeam, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    whole = data.astronaut()
+    for name, pixels in (("a.png", whole), ("inner.png", whole[120:400, 100:380])):
+        write_picture(name, Picture(pixels=pixels))
+    ran = toposeam("stitch", "a.png", "inner.png", "-o", "out.png")
+    assert ran.err == (
+        "warning: inner.png shows nothing that a.png does not show as well; leave it out unless it is to "
+        "cover what is there\n"
+    )
+
+
 @pytest.mark.parametrize(("mm", "agree"), [((50, 52), True), ((50, 53), False)])
 def test_focal_lengths_count_that_all_files_agree_on(monkeypatch, tmp_path, mm, agree):
     asked, files = [], []

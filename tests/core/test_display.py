@@ -139,3 +139,34 @@ def test_results_are_equal_by_identity_and_hashable(results):
 def test_a_folder_that_is_not_there_is_named(results, tmp_path):
     with pytest.raises(FileNotFoundError, match=r"gone/it\.png'$"):
         results["stitched"].save(tmp_path / "gone" / "it.png")
+
+
+@pytest.mark.parametrize(
+    ("name", "what"),
+    [
+        ("seam", lambda one: one.labels),
+        ("stitched", lambda one: one.image),
+        ("synthesis", lambda one: one.image),
+        ("motif", lambda one: one.image()),
+        ("path", lambda one: one.density),
+        ("joined", lambda one: np.concatenate([each.image() for each in one.motifs], axis=1)),
+    ],
+)
+def test_numpy_takes_a_result_for_its_picture(results, name, what):
+    result = results[name]
+    np.testing.assert_array_equal(np.asarray(result), what(result))
+    assert np.asarray(result).dtype == what(result).dtype
+    assert np.asarray(result, float).dtype == float
+    changed = np.array(result)
+    changed[:] = 0
+    np.testing.assert_array_equal(np.asarray(result), what(result))
+
+
+def test_numpy_takes_joined_stacks_and_loops_for_their_voxels():
+    stack = np.random.default_rng(1).random((8, 10, 12)).astype(np.float32)
+    joined = ts.join_volumes(stack, stack, offset=(0, 0, 6))
+    np.testing.assert_array_equal(np.asarray(joined), joined.volume)
+    surface = ts.find_surface(stack, stack[::-1])
+    assert np.asarray(surface).shape == stack.shape
+    loop = ts.loop(np.random.default_rng(1).random((24, 8, 8)).astype(np.float32))
+    np.testing.assert_array_equal(np.asarray(loop), loop.frames)

@@ -1,6 +1,7 @@
 """The core is a library: quick to import, quiet, and on its own."""
 
 import ast
+import inspect
 import re
 import subprocess
 import sys
@@ -171,3 +172,21 @@ def test_every_error_is_ours_and_a_builtin():
     for error in errors:
         assert issubclass(error, ts.TopoSeamError)
         assert error is ts.TopoSeamError or any(base.__module__ == "builtins" for base in error.__bases__)
+
+
+def test_help_begins_with_the_verbs_and_their_commands():
+    from toposeam_cli.app.registry import COMMANDS
+
+    text = ts.__doc__
+    former = {"make_tileable", "synthesize"}
+    verbs = {name for name in ts.__all__ if inspect.isfunction(getattr(ts, name))} - former - {"to_pil"}
+    told, _, after = text.partition("Arrays and PIL")
+    assert set(re.findall(r"(?<!`)`(\w+)`(?!`)", told)) == verbs
+    assert set(re.findall(r"``(\w+)``", told.replace("``toposeam``", ""))) <= set(COMMANDS)
+    rooms = {name for name in ts.__all__ if inspect.ismodule(getattr(ts, name))}
+    assert rooms <= set(re.findall(r"`(\w+)`", after))
+
+
+def test_former_names_stay_for_a_version():
+    assert ts.make_tileable is ts.tile
+    assert ts.synthesize is ts.synth

@@ -143,9 +143,14 @@ class Command(click.Command):
 def _show_all(ctx: click.Context, parameter: click.Parameter, value: bool) -> None:
     """Print the full help and end."""
     if value and not ctx.resilient_parsing:
-        ctx.meta[_ALL] = True
-        say(ctx.get_help(), lines=True)
+        say(full_help(ctx.command, ctx), lines=True)
         ctx.exit()
+
+
+def full_help(command: click.Command, ctx: click.Context) -> str:
+    """Return the help of a command with all its options."""
+    ctx.meta[_ALL] = True
+    return command.get_help(ctx)
 
 
 def _section(

@@ -11,10 +11,17 @@ import click
 from click.shell_completion import CompletionItem, get_completion_class
 
 from toposeam.sentence import sentence
-from toposeam_cli.app.command import HELP_WORDS, WORDS
+from toposeam_cli.app.command import HELP_WORDS, WORDS, full_help
 from toposeam_cli.app.progress import say, shown
 from toposeam_cli.app.registry import COMMANDS, CONTEXT, load
 from toposeam_cli.files.interruption import terminations_raised
+
+#: The commands by what they do, as the help lists them; all others are tools.
+GROUPS = {
+    "Join": ("stitch", "edit", "enblend", "compare", "loop", "volume"),
+    "Grow": ("synth", "tile", "fill"),
+    "Invent": ("motif", "repeat", "join", "mockup", "book"),
+}
 
 
 class Commands(click.Group):
@@ -31,6 +38,8 @@ class Commands(click.Group):
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Parse the words before the command, and keep all words for :mod:`~toposeam_cli.app.remedies`."""
         ctx.meta[WORDS] = tuple(args)
+        if not args and not ctx.resilient_parsing:
+            args = ["--help"]
         if args and args[0] in HELP_WORDS:
             args = ["--help", *args[1:]]
         try:
@@ -54,12 +63,16 @@ class Commands(click.Group):
         refuse_no_command(ctx, self.list_commands(ctx))
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """List the commands with their first lines, without importing any."""
-        width = formatter.width - 6 - max(map(len, self.list_commands(ctx)))
-        with formatter.section("Commands"):
-            formatter.write_dl(
-                [(name, _first_line(name, self.commands, width)) for name in self.list_commands(ctx)]
-            )
+        """List the commands by groups with their first lines, without importing any."""
+        commands = self.list_commands(ctx)
+        grouped = [name for names in GROUPS.values() for name in names]
+        tools = [name for name in commands if name not in grouped]
+        wide = max(map(len, commands))
+        for heading, names in (*GROUPS.items(), ("Tools", tools)):
+            with formatter.section(heading):
+                formatter.write_dl(
+                    [(f"{name:{wide}}", _first_line(name, self.commands, 200)) for name in names]
+                )
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
         """Return the commands that begin so, without importing any, and the options."""
@@ -123,10 +136,36 @@ def _never_fail_to_print() -> None:
             reconfigure(errors="backslashreplace")
 
 
+def _show_all(ctx: click.Context, parameter: click.Parameter, value: bool) -> None:
+    """Print the help of all commands with all their options, and end."""
+    if not value or ctx.resilient_parsing:
+        return
+    say(ctx.get_help(), lines=True)
+    for name in main.list_commands(ctx):
+        command = main.get_command(ctx, name)
+        if command is not None:
+            say("", lines=True)
+            say(full_help(command, click.Context(command, ctx, name)), lines=True)
+    ctx.exit()
+
+
 @click.group(cls=Commands, context_settings=CONTEXT)
 @click.version_option(None, "-V", "--version", package_name="toposeam", prog_name="toposeam")
+@click.option(
+    "--help-all",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_show_all,
+    help="Show all options of all commands.",
+)
 def main() -> None:
-    """Join, grow and invent images along optimal seams."""
+    """Join, grow and invent images along optimal seams.
+
+    \b
+    toposeam stitch left.jpg right.jpg -o both.jpg
+    toposeam stitch --help
+    """  # noqa: D301 - click wants the character
 
 
 @main.command()

@@ -390,7 +390,7 @@ PLACEMENT: tuple[Callable[[Any], Any], ...] = (
         heading="Seam",
         kept=True,
         type=FILE,
-        help="Image of the canvas's size; no seam touches its white pixels.",
+        help="Image of the canvas's size; no seam touches its white pixels. Or box:X,Y,W,H, ellipse:X,Y,W,H.",
     ),
     option(
         "--cost",
@@ -439,7 +439,8 @@ def placement(megapixels: float) -> Callable[[Callable[..., Any]], Callable[...,
         type=MEGAPIXELS,
         default=megapixels,
         show_default=True,
-        help="Refuse pictures that are larger, each or all together, and if given a canvas that is.",
+        help="Refuse pictures that are larger, each or all together, and if given a canvas that is; else a "
+        "canvas over 16 megapixels may have 16 times the pixels of its pictures.",
     )
 
     def decorate(command: Callable[..., Any]) -> Callable[..., Any]:

@@ -35,12 +35,14 @@ COMMANDS = {
     "path": "Find a way over MAP by heat: easy where it is bright, none where it is black.",
     "volume": "Join stacks A and B along the surface that shows least.",
     "loop": "Make CLIP repeat without a visible jump.",
+    "doctor": "Check what works here, and say what is missing for the rest.",
     "batch": "Run many jobs: those of a TOML file, or one for each set of pictures that patterns match.",
     "gimp": "Filters > TopoSeam in GIMP 3.",
 }
 
-#: No jobs of a batch: the command that runs others, and the one that waits for somebody at a browser.
-NO_JOBS = ("batch", "edit")
+#: No jobs of a batch: the command that runs others, the one that makes nothing, and the one that waits for
+#: somebody at a browser.
+NO_JOBS = ("batch", "doctor", "edit")
 
 #: Commands that load their numerics after their options and files were checked (:func:`numerics_loading`).
 LOADS_ITSELF = ("stitch",)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -30,7 +31,7 @@ from toposeam_cli.stitching.enblend_line import (
     understood,
     wrap_of,
 )
-from toposeam_cli.stitching.inputs import PlacedPictures, arrange
+from toposeam_cli.stitching.inputs import PlacedPictures, arrange, sparse_megapixels
 from toposeam_cli.stitching.outputs import Outputs
 from toposeam_cli.stitching.positions import Where
 from toposeam_cli.stitching.rendering import render, write
@@ -140,7 +141,11 @@ def _frame(job: PlacedPictures, text: str | None) -> CanvasFrame:
                 f"{_MAX_MEGAPIXELS:g} megapixels; make the frame smaller"
             )
         return frame
-    canvas = ts.layers.common_canvas(job.layers, max_megapixels=_MAX_MEGAPIXELS)
+    most = sparse_megapixels(_MAX_MEGAPIXELS, sum(math.prod(layer.image.shape[:2]) for layer in job.layers))
+    try:
+        canvas = ts.layers.common_canvas(job.layers, max_megapixels=most)
+    except ts.OptionError as error:
+        raise error.within("{error}, or give the frame, as -f WIDTHxHEIGHT") from None
     return CanvasFrame(canvas.shape[1], canvas.shape[0], *canvas.origin)
 
 

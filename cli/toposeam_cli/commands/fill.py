@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import click
+import numpy as np
 
 import toposeam as ts
 from toposeam.sentence import counted
@@ -24,15 +25,22 @@ from toposeam_cli.textures.options import (
 
 
 @click.command(
-    cls=Command, everyday=["output", "mask", "by", "patch", "level", "from", "avoid", "seed", "force"]
+    cls=Command, everyday=["output", "box", "mask", "by", "patch", "level", "from", "avoid", "seed", "force"]
 )
 @click.argument("image", type=FILE)
+@option(
+    "--box",
+    "boxes",
+    heading="Hole",
+    metavar="X,Y,W,H",
+    multiple=True,
+    help="Replace this box, px from the upper left corner; may be given several times.",
+)
 @option(
     "--mask",
     heading="Hole",
     type=FILE,
-    required=True,
-    help="A picture of the same size, white where the picture is to be replaced.",
+    help="Replace where this picture of the same size is white; or an ellipse:X,Y,W,H.",
 )
 @option(
     "-o",
@@ -64,13 +72,25 @@ from toposeam_cli.textures.options import (
     show_default=True,
     help="Level shifted copies so that light runs on; not for normals, heights or masks.",
 )
-@option("--from", "source", heading="Hole", type=FILE, help="Copy only from where this picture is white.")
-@option("--avoid", heading="Hole", type=FILE, help="Copy nothing from where this picture is white.")
+@option(
+    "--from",
+    "source",
+    heading="Hole",
+    type=FILE,
+    help="Copy only from where this picture is white, or a box:X,Y,W,H.",
+)
+@option(
+    "--avoid",
+    heading="Hole",
+    type=FILE,
+    help="Copy nothing from where this picture is white, or a box:X,Y,W,H.",
+)
 @search_options
 @result_options
 def fill(
     image: Path,
-    mask: Path,
+    boxes: tuple[str, ...],
+    mask: Path | None,
     output: Path,
     patches: Patches,
     band: int | None,
@@ -84,14 +104,17 @@ def fill(
     """Replace part of IMAGE by what the rest of it is like.
 
     \b
-    toposeam fill meadow.jpg --mask bin.png -o meadow_clean.png
+    toposeam fill meadow.jpg --box 420,310,80,120 -o meadow_clean.png
     toposeam fill street.jpg --mask car.png --avoid faces.png -o street_clean.png
     """  # noqa: D301 - click wants the character
+    if mask is None and not boxes:
+        raise click.UsageError("Say what is to be replaced: --box X,Y,W,H, or --mask FILE")
     goes = results.destinations(output, search)
     picture, maps = read_one(image, search, results)
     goes.check([picture], maps)
     shape = picture.pixels.shape[:2]
-    hole = read_white(mask, shape, image.name, results.max_pixels)
+    holes = [*(Path(f"box:{box}") for box in boxes), *([] if mask is None else [mask])]
+    hole = np.any([read_white(each, shape, image.name, results.max_pixels) for each in holes], axis=0)
     copied, spared = (
         None if path is None else read_white(path, shape, image.name, results.max_pixels)
         for path in (source, avoid)

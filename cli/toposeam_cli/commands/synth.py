@@ -254,7 +254,7 @@ def synth(
         share_bar(f"growing {output.name}", results.quiet) as progress,
         _shown_in(preview, pictures[0]) as show,
     ):
-        made = ts.synthesize(
+        made = ts.synth(
             [picture.pixels for picture in pictures],
             size[::-1],
             tileable=tileable,

@@ -98,7 +98,7 @@ def tile(
     if cropped:
         picture, maps = _cropped(picture, fits), maps.changed(partial(_cropped, size=fits))
     with share_bar(f"closing {image.name}", results.quiet) as progress:
-        made = ts.make_tileable(
+        made = ts.tile(
             picture.pixels,
             band=band,
             tileable=tileable,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field, replace
@@ -33,7 +34,7 @@ from toposeam_cli.media.pictures.lens import exposure, focal_length, in_pixels, 
 from toposeam_cli.media.pictures.masks import read_white
 from toposeam_cli.media.pictures.picture import MAX_PIXELS, Picture, match_pictures, read_picture
 from toposeam_cli.stitching.positions import ALONE, LAYOUTS, Where, places_of
-from toposeam_cli.stitching.resample import blank, placed_layers
+from toposeam_cli.stitching.resample import blank, check_canvas, placed_layers
 
 if TYPE_CHECKING:
     from toposeam_cli.files.scratch import Scratch
@@ -50,6 +51,9 @@ Horizon: TypeAlias = tuple[str, tuple[tuple[float, float], tuple[float, float]]]
 #: Largest number of pixels of all pictures together that are kept in memory; with more they are stored in
 #: files.
 STORED_PIXELS = 64_000_000
+#: A canvas that nobody allowed has at most so many times the pixels of its pictures, or so many megapixels:
+#: a file of a hundred bytes asks for a thousand.
+_LARGEST_RATIO, _SMALL_MEGAPIXELS = 16, 16.0
 
 
 def picture_number(key: str, names: Mapping[int, str], count: int) -> int | None:
@@ -314,7 +318,8 @@ def arrange(
     )
     sources = _with_masks(named, sources, masks, keeps)
     layers = _masked(named.layers, sources, limit)
-    most = canvas_megapixels(max_megapixels)
+    pixels = sum(math.prod(source.picture.pixels.shape[:2]) for source in sources)
+    most = canvas_megapixels(max_megapixels, pixels)
     place = _Laying(
         lay or partial(placed_layers, scratch=kept, executor=executor, max_megapixels=most),
         reading.boundary,
@@ -343,9 +348,7 @@ def arrange(
         pictures = [pictures[number] for number in placement.numbers]
     else:
         transforms = _turned(named, transforms, wrap, finding)
-        layers = list(place(layers, transforms, wrap))
-    if len(layers) == 2 and not alone:
-        _check_touching(*layers)
+        layers = _laid(layers, transforms, wrap, place, alone)
     return replace(
         named,
         pictures=tuple(map(_as_placed, pictures, layers)),
@@ -361,6 +364,34 @@ def arrange(
         wrap=wrap,
         boundary=place.boundary,
     )
+
+
+def _laid(
+    layers: Sequence[ts.Layer],
+    transforms: Sequence[Transform],
+    wrap: int | None,
+    place: Places,
+    alone: bool,
+) -> list[ts.Layer]:
+    """Lay layers in given places.
+
+    Raises
+    ------
+    OverlapError
+        If two lie beside each other.
+    OptionError
+        If the canvas is too large.
+    """
+    one_pair = len(layers) == 2 and not alone
+    try:
+        laid = list(place(layers, transforms, wrap))
+    except ts.OptionError:
+        if one_pair:  # whose places are told
+            _check_touching(*map(blank, layers, map(settled, transforms)))
+        raise
+    if one_pair:
+        _check_touching(*laid)
+    return laid
 
 
 def _horizon(named: PlacedPictures, finding: PlaceFinding) -> tuple[int, Any] | None:
@@ -418,9 +449,17 @@ def _files_of(sources: Sequence[_Source]) -> dict[str, Any]:
     }
 
 
-def canvas_megapixels(max_megapixels: float) -> float:
-    """Return the limit for the canvas: that of the pictures if one is given, else the library's."""
-    return ts.MAX_PIXELS / 1e6 if max_megapixels * 1e6 == MAX_PIXELS else max_megapixels
+def canvas_megapixels(max_megapixels: float, pixels: float = math.inf) -> float:
+    """Return the limit for a canvas: that of the pictures if one is given, else the library's, or what
+    pictures of so many pixels fill.
+    """
+    given = max_megapixels * 1e6 != MAX_PIXELS
+    return max_megapixels if given else sparse_megapixels(ts.MAX_PIXELS / 1e6, pixels)
+
+
+def sparse_megapixels(most: float, pixels: float) -> float:
+    """Return the limit for a canvas that pictures of so many pixels fill in part."""
+    return min(most, max(_SMALL_MEGAPIXELS, _LARGEST_RATIO * pixels / 1e6))
 
 
 def _check_extent(layers: Sequence[LayoutLayer], limit: int) -> None:
@@ -432,14 +471,15 @@ def _check_extent(layers: Sequence[LayoutLayer], limit: int) -> None:
     """
     from toposeam.layers.labelling.posing import check_pairs
 
-    blanks = []
+    blanks, pixels = [], 0
     for layer in layers:
         with suppress(ts.ImageError):  # raised again where the file is read
             width, height = size_of(layer.file)
+            pixels += width * height
             nothing = np.broadcast_to(np.uint8(0), (height, width))
             blanks.append(blank(ts.Layer(nothing, name=layer.name), layer.transform))
     if blanks:
-        ts.layers.common_canvas(blanks, max_megapixels=canvas_megapixels(limit / 1e6))
+        check_canvas(blanks, canvas_megapixels(limit / 1e6, pixels))
         check_pairs(blanks)
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from click.core import ParameterSource
 
 import toposeam as ts
+from toposeam.layers.canvas.canvas import extent_of
 from toposeam.layers.canvas.transforms import fitted_transforms, similarity
 from toposeam.layers.execution.tasks import Executor
 from toposeam.layers.registration.placement import Residual, large_canvas
@@ -236,9 +237,22 @@ def _moved(layers: tuple[ts.Layer, ...], placement: ts.layers.Placement, index: 
 def doubts(job: PlacedPictures) -> list[str]:
     """Return what is doubtful about the places of pictures, in sentences."""
     if job.placement is not None:
-        return list(job.placement.doubts)
+        return [*job.placement.doubts, *_within_others(job.layers)]
     pixels = sum(picture.pixels.shape[0] * picture.pixels.shape[1] for picture in job.pictures)
     return large_canvas(job.layers, pixels)
+
+
+def _within_others(layers: Sequence[ts.Layer]) -> list[str]:
+    """Name the one of two pictures that lies within the other, in a sentence."""
+    if len(layers) != 2 or layers[0].alpha is not None or layers[1].alpha is not None:
+        return []  # of more, those that do not show are named
+    a, b = extent_of(layers).places
+    inside = [index for index in (1, 0) if a.shared(b) == (a, b)[index]]
+    return [
+        f"{layers[index].name} shows nothing that {layers[1 - index].name} does not show as well; leave "
+        "it out unless it is to cover what is there"
+        for index in inside[:1]
+    ]
 
 
 def misfits(rendered: Rendered, job: PlacedPictures, executor: Executor | None) -> list[str]:

@@ -50,8 +50,11 @@ def placed_layers(
         When the canvas would be larger, before any is warped.
     """
     transforms = list(map(settled, transforms))
-    if not all(map(is_move, transforms)):
-        ts.layers.common_canvas(list(map(blank, layers, transforms)), max_megapixels=max_megapixels)
+    if all(map(is_move, transforms)):
+        moved = list(map(on_canvas, layers, transforms))
+        check_canvas(moved, max_megapixels)
+        return moved
+    check_canvas(list(map(blank, layers, transforms)), max_megapixels)
     both = list(zip(layers, transforms, strict=True))
     if scratch is None:
         return [_warped((*one, None)) for one in both]
@@ -60,6 +63,19 @@ def placed_layers(
     with scratch.failures_told():
         found = dict(zip(bent, results(executor, _warped, items), strict=True))
     return [found.get(index) or on_canvas(*one) for index, one in enumerate(both)]
+
+
+def check_canvas(layers: Sequence[ts.Layer], max_megapixels: float) -> None:
+    """Refuse a canvas that is too large.
+
+    Raises
+    ------
+    OptionError
+    """
+    try:
+        ts.layers.common_canvas(layers, max_megapixels=max_megapixels)
+    except ts.OptionError as error:
+        raise error.within("{error}, or allow more with --max-megapixels") from None
 
 
 def toned_layers(

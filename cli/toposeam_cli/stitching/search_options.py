@@ -38,7 +38,7 @@ def seam_options(command: Callable[..., Any]) -> Callable[..., Any]:
             heading="Seam",
             type=KeyedFile(needed=True),
             multiple=True,
-            help="Picture (number from 0, or name) = where it may show: white.",
+            help="Picture (number from 0, or name) = where it may show: white, or box:X,Y,W,H.",
         ),
         option(
             "--keep",
@@ -47,7 +47,7 @@ def seam_options(command: Callable[..., Any]) -> Callable[..., Any]:
             metavar="N=FILE",
             type=KeyedFile(needed=True),
             multiple=True,
-            help="Where nothing but picture N may show: white.",
+            help="Where nothing but picture N may show: white, or box:X,Y,W,H, ellipse:X,Y,W,H.",
         ),
         option(
             "--use-seam",

@@ -104,8 +104,14 @@ class JoinedMotifs:
         """
         return arrange(self.motifs, [range(len(self.motifs))]).to_svg(path)
 
+    def __array__(
+        self, dtype: npt.DTypeLike | None = None, copy: bool | None = None
+    ) -> npt.NDArray[np.float32]:
+        """Return the motifs side by side, for NumPy and matplotlib."""
+        return np.array(np.concatenate([motif.image() for motif in self.motifs], axis=1), dtype, copy=copy)
+
     def _repr_png_(self) -> bytes:
-        return to_png(np.concatenate([motif.image() for motif in self.motifs], axis=1))
+        return to_png(np.asarray(self))
 
 
 def border_mismatch(a: Motif, b: Motif) -> float:

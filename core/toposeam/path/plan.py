@@ -62,6 +62,12 @@ class PlannedPath:
         """Cost of all ways."""
         return sum(self.costs)
 
+    def __array__(
+        self, dtype: npt.DTypeLike | None = None, copy: bool | None = None
+    ) -> npt.NDArray[np.float32]:
+        """Return the density, for NumPy and matplotlib."""
+        return np.array(self.density, dtype, copy=copy)
+
     def to_svg(self, path: str | Path | None = None) -> str:
         """Return the ways as an SVG document of the ground's size in px, and write it if a path is given.
 

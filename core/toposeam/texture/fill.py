@@ -108,7 +108,7 @@ def fill(
         Whether shifted copies are levelled; for pictures whose values are no colours it should be False. Maps
         never are.
     maps, normal, weights, data_range, smooth, progress, options
-        As for :func:`toposeam.synthesize`; of the options only `method` matters to shifts.
+        As for :func:`toposeam.synth`; of the options only `method` matters to shifts.
 
     Returns
     -------

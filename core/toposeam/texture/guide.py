@@ -26,7 +26,7 @@ def guide_of(
     size: tuple[int, int],
     turns: Turns,
 ) -> Guide | None:
-    """Check a caller's guide; arguments as of :func:`toposeam.synthesize`, `sources` and the atlas in all
+    """Check a caller's guide; arguments as of :func:`toposeam.synth`, `sources` and the atlas in all
     positions.
 
     Raises

@@ -49,7 +49,7 @@ from toposeam.texture.tile_origin import begun
 _MAX_REPLACEMENTS = 64
 
 
-def synthesize(
+def synth(
     source: Images,
     size: int | tuple[int, int],
     *,
@@ -175,7 +175,7 @@ def synthesize(
     --------
     >>> import numpy as np, toposeam as ts
     >>> sample = np.random.default_rng(0).integers(0, 256, (48, 48), np.uint8)
-    >>> ts.synthesize(sample, (60, 80), patch=24, tileable="x").image.shape
+    >>> ts.synth(sample, (60, 80), patch=24, tileable="x").image.shape
     (60, 80)
     """
     check_function("progress", progress)
@@ -183,7 +183,7 @@ def synthesize(
     height, width = _size(size, max_megapixels)
     check_whole("processes", processes, 1, MAX_PROCESSES)
     request = TextureRequest.of(
-        "synthesize",
+        "synth",
         options,
         given_options,
         seed=seed,
@@ -434,3 +434,7 @@ def _size(size: int | tuple[int, int], max_megapixels: float) -> tuple[int, int]
             most=max_megapixels,
         )
     return height, width
+
+
+#: The former name of :func:`synth`.
+synthesize = synth

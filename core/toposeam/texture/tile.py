@@ -31,7 +31,7 @@ _USUAL_BAND = 48
 _MEASURED_SIDE = 1024
 
 
-def make_tileable(
+def tile(
     image: npt.ArrayLike,
     *,
     band: int | None = None,
@@ -73,7 +73,7 @@ def make_tileable(
         Take out the light by which opposite borders differ, spread over the picture
         (:mod:`toposeam.texture.light.border_light`); not out of maps.
     alpha, maps, normal, weights, data_range, smooth, progress, options
-        As for :func:`toposeam.synthesize`.
+        As for :func:`toposeam.synth`.
 
     Returns
     -------
@@ -89,13 +89,13 @@ def make_tileable(
     --------
     >>> import numpy as np, toposeam as ts
     >>> image = np.random.default_rng(0).random((60, 60))
-    >>> tile = ts.make_tileable(image, band=8).image
-    >>> bool((tile[20:40, 20:40] == image[20:40, 20:40]).all())
+    >>> repeats = ts.tile(image, band=8).image
+    >>> bool((repeats[20:40, 20:40] == image[20:40, 20:40]).all())
     True
     """
     check_function("progress", progress)
     request = TextureRequest.of(
-        "make_tileable",
+        "tile",
         options,
         given,
         seed=seed,
@@ -283,3 +283,7 @@ def _along_borders(
                 windows.append((start, -band) if axis == 1 else (-band, start))
                 lines[0, part] = lines[-1, part] = True
     return [(top, left, (side, side)) for top, left in dict.fromkeys(windows)], hole
+
+
+#: The former name of :func:`tile`.
+make_tileable = tile

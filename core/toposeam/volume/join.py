@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Unpack
 
 import numpy as np
+import numpy.typing as npt
 
 from toposeam.arrays import Mask, Volume
 from toposeam.checks import check_function, check_number, check_numbers, check_whole
@@ -52,6 +53,10 @@ class JoinedVolume:
         shape = " × ".join(map(str, self.places.canvas))
         cost = "in blocks" if self.surface is None else f"cost {self.surface.cost:.6g}"
         return f"JoinedVolume({shape} voxels, {cost})"
+
+    def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> Volume:
+        """Return the voxels, for NumPy."""
+        return np.array(self.volume, dtype, copy=copy)
 
     def _repr_png_(self) -> bytes:
         """Return the middle slice, for notebooks."""

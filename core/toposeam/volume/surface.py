@@ -61,6 +61,10 @@ class Surface:
         proven = f", proven ≥ {self.bound:.6g}" if self.bound else ""
         return f"Surface({shape} voxels, cost {self.cost:.6g}{proven}, method {self.method!r})"
 
+    def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> npt.NDArray[Any]:
+        """Return the labels, for NumPy."""
+        return np.array(self.labels, dtype, copy=copy)
+
     def _repr_png_(self) -> bytes:
         """Return the soft labels of the middle slice along each axis, side by side, for notebooks."""
         slices = [np.take(self.soft, self.soft.shape[axis] // 2, axis) for axis in range(3)]

@@ -103,3 +103,18 @@ def test_where_nothing_is_allowed_the_mask_is_not_blamed(toposeam, folder):
         "outside mask.png nothing is allowed; paint less of what must not be copied"
     )
     assert not (folder / "o.png").exists()
+
+
+def test_boxes_say_what_is_replaced_without_a_mask(toposeam):
+    words = ["--by", "patches", "--band", "0", "--smooth", "0"]
+    assert toposeam("fill", "gravel.png", "--mask", "hole.png", *words, "-o", "mask.png").code == 0
+    assert toposeam("fill", "gravel.png", "--box", "40,50,50,30", *words, "-o", "box.png").code == 0
+    halves = ("--box", "40,50,25,30", "--mask", "box:65,50,25,30")
+    assert toposeam("fill", "gravel.png", *halves, *words, "-o", "halves.png").code == 0
+    expected = read_picture("mask.png").pixels
+    for name in ("box.png", "halves.png"):
+        np.testing.assert_array_equal(read_picture(name).pixels, expected)
+
+
+def test_fill_asks_what_is_to_be_replaced(toposeam):
+    toposeam("fill", "gravel.png", "-o", "out.png").fails("--box X,Y,W,H, or --mask FILE", code=2)

@@ -97,6 +97,16 @@ def test_an_overlay_is_drawn_though_no_seam_was_asked_for(three, toposeam, store
     np.testing.assert_array_equal(read_picture("quiet.png").pixels, drawn)
 
 
+def test_a_seam_is_the_same_file_wherever_pixels_are_kept(three, toposeam, request):
+    words = ["stitch", "a.png", "b.png", "--offset", "40,4", "-o", "out.png", "--force", "--seam"]
+    assert toposeam(*words, "here.svg").code == 0
+    request.getfixturevalue("stored")
+    assert toposeam(*words, "there.svg").code == 0
+    here = (three / "here.svg").read_bytes()
+    assert b'id="a.png : b.png"' in here
+    assert (three / "there.svg").read_bytes() == here
+
+
 class AtOnce:
     """A thread that has done its work when it has started."""
 

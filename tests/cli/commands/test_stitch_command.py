@@ -165,7 +165,7 @@ def test_the_thesis_as_it_is_written(folder, toposeam):
     for plain in ((), ("--plain",)):
         ran = toposeam(*line, *plain)
         assert (ran.code, ran.err) == (0, "")
-        found[plain] = ts.vector.read_svg("seam.svg").metadata
+        (found[plain],) = ts.vector.read_svg("seam.svg").metadata["seams"]
     assert found[()]["asymptotes"] == "curvature"
     assert found["--plain",]["asymptotes"] == "moving"
     assert found["--plain",]["first_penalty"] == 3
@@ -254,7 +254,7 @@ def test_a_written_seam_used_again_gives_the_same_bytes(folder, toposeam, where)
     assert [line.points.tolist() for line in first.polylines] == [
         line.points.tolist() for line in again.polylines
     ]
-    assert first.metadata["method"] == "shortest-path"
+    assert first.metadata["seams"][0]["method"] == "shortest-path"
 
 
 def test_a_closed_seam_survives_the_round_trip(folder, toposeam, photographs):
@@ -289,7 +289,7 @@ def test_one_command_may_write_back_to_the_path_it_uses(folder, toposeam):
         ).code
         == 0
     )
-    assert ts.vector.read_svg("seam.svg").metadata["method"] == "path"
+    assert ts.vector.read_svg("seam.svg").metadata["seams"][0]["method"] == "path"
 
 
 def test_what_is_handed_on_by_name_is_an_option_of_stitch():

@@ -53,6 +53,14 @@ def white(path, shape, *places):
     write_picture(Path(path), Picture(pixels=pixels), force=True)
 
 
+def test_areas_in_words_are_kept(three, toposeam):
+    words = ["stitch", *FILES, *AT, "--keep", "1=box:10,10,9,9", "--avoid", "ellipse:50,2,4,4"]
+    assert toposeam(*words, "-o", "out.png", "--save-layout", "out.toml").code == 0
+    before = made()
+    assert toposeam("stitch", "out.toml", "-o", "out.png", "--force").code == 0
+    assert made() == before
+
+
 @pytest.fixture
 def work(three):
     """Three pictures, masks and seams beside them, and layouts that place them otherwise."""

@@ -1,6 +1,7 @@
 """Formats that libvips does not know are read by Pillow, and then treated like all others."""
 
 import io
+import sys
 
 import numpy as np
 import pytest
@@ -91,10 +92,11 @@ def test_what_pillow_knows_besides_is_not_tried(tmp_path):
         assert "none of PNG, TIFF" in fails(read_picture, tmp_path / name)
 
 
-def test_without_pillow_heif_the_sentence_names_it(tmp_path, monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "pillow_heif", None)
+def test_without_pi_heif_the_sentence_names_it(tmp_path, monkeypatch):
+    for name in ("pi_heif", "pillow_heif"):
+        monkeypatch.setitem(sys.modules, name, None)
     (tmp_path / "in.heic").write_bytes(b"\0\0\0\x18ftypheic\0\0\0\0mif1heic" + bytes(40))
-    assert "pip install pillow-heif" in fails(read_picture, tmp_path / "in.heic")
+    assert "pip install pi-heif" in fails(read_picture, tmp_path / "in.heic")
 
 
 @pytest.mark.parametrize("alpha", [False, True])

@@ -40,7 +40,7 @@ ERRORS = {
     "same place": (
         lambda: ts.stitch([crop(0, 0), crop(0, 0)]),
         ts.OverlapError,
-        "nothing divides the patches",
+        "nothing divides the patches: both cover the same ground, so that there is nothing to join",
     ),
     "dtypes": (
         lambda: ts.stitch([crop(0, 0), crop(9, 0, dtype=np.uint16)]),
@@ -113,6 +113,20 @@ ERRORS = {
         lambda: ts.stitch([crop(0, 0), np.zeros((9, 9))]),
         ts.OptionError,
         r"layer 1 is of type ndarray; say where it lies, as toposeam.Layer\(image, at=\(x, y\)\)",
+    ),
+    "a name": (
+        lambda: ts.stitch(["a.jpg", "b.jpg"]),
+        ts.OptionError,
+        r"layer 0 is the name 'a.jpg'; pass the picture, as PIL.Image.open\('a.jpg'\)",
+    ),
+    "one name": (lambda: ts.stitch("a.jpg"), ts.OptionError, "layer 0 is the name 'a.jpg'"),
+    "one picture": (lambda: ts.stitch([np.zeros((9, 9))]), ts.OptionError, "1 picture was given"),
+    "a picture": (lambda: ts.stitch(np.zeros((9, 9))), ts.OptionError, "1 picture was given"),
+    "none": (lambda: ts.stitch([]), ts.OptionError, "0 layers were given"),
+    "mistyped": (
+        lambda: ts.stitch([crop(0, 0), crop(20, 0)], blendwidth=3),
+        ts.OptionError,
+        "there is no option blendwidth; did you mean blend_width",
     ),
     "alone": (lambda: ts.stitch([crop(0, 0)]), ts.OptionError, "1 layer was given"),
     "not a list": (lambda: ts.layers.match_tones(crop(0, 0)), ts.OptionError, "1 layer was given"),

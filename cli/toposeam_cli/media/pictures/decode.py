@@ -212,7 +212,7 @@ def _unreadable(path: Path, error: Exception) -> ImageError:
     if path.suffix.lower() in _HEIC:
         return ImageError(
             f"cannot read '{path}' ({why}): this libvips does not decode most HEIC files; install "
-            "pillow-heif (pip install pillow-heif), make a JPEG of it first, as with 'heif-convert', or let "
+            "pi-heif (pip install pi-heif), make a JPEG of it first, as with 'heif-convert', or let "
             "the camera save JPEG (Most Compatible)"
         )
     if "known format" in why:

@@ -97,12 +97,15 @@ def _opened(path: Path) -> Iterator[Any]:
 
 
 def _heif(path: Path) -> Any:
-    """Open a HEIC file at its full depth, upright; None without pillow-heif, or if it is no HEIC file."""
+    """Open a HEIC file at its full depth, upright; None without pi-heif, or if it is no HEIC file."""
     try:
-        import pillow_heif
+        try:
+            import pi_heif
+        except ImportError:
+            import pillow_heif as pi_heif  # which also writes
 
-        image = pillow_heif.open_heif(path, convert_hdr_to_8bit=False)
-        pillow_heif.set_orientation(image.info)  # libheif has turned it upright
+        image = pi_heif.open_heif(path, convert_hdr_to_8bit=False)
+        pi_heif.set_orientation(image.info)  # libheif has turned it upright
         return image
     except Exception:
         return None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 from typing import Any, NamedTuple
@@ -140,11 +141,14 @@ def as_layers(pictures: Any) -> Any:
     if not isinstance(pictures, list | tuple):
         return pictures
     return tuple(
-        Layer(picture, name=f"picture {number}")
-        if isinstance(picture, np.ndarray) or hasattr(picture, "getbands")
-        else picture
+        Layer(picture, name=f"picture {number}") if _is_picture(picture) else picture
         for number, picture in enumerate(pictures, start=1)
     )
+
+
+def _is_picture(item: object) -> bool:
+    """Test whether something is an array or a PIL picture."""
+    return isinstance(item, np.ndarray) or hasattr(item, "getbands")
 
 
 class Box(NamedTuple):
@@ -236,7 +240,24 @@ def check_layers(layers: Sequence[Layer]) -> Sequence[Layer]:
     OptionError
         Also for arrays and pictures that are not placed.
     """
-    given = [layers] if isinstance(layers, Layer) or not isinstance(layers, Sequence) else layers
+    given = [layers] if isinstance(layers, Layer | str) or not isinstance(layers, Sequence) else layers
+    for index, layer in enumerate(given):
+        if isinstance(layer, str | os.PathLike):
+            raise OptionError(
+                "layer {number} is the name {value!r}; pass the picture, as PIL.Image.open({value!r}), or "
+                "give names of files to the command line",
+                kind="type",
+                number=index,
+                layers=(index,),
+                value=os.fspath(layer),
+            )
+    if len(given) < 2 and all(isinstance(layer, Layer) or _is_picture(layer) for layer in given):
+        kind = "picture" if given and not isinstance(given[0], Layer) else "layer"
+        raise OptionError(
+            f"{{count}} {kind}{' was' if len(given) else 's were'} given; pass a list of at least two",
+            kind="few layers",
+            count=len(given),
+        )
     for index, layer in enumerate(given):
         if not isinstance(layer, Layer):
             raise OptionError(
@@ -246,8 +267,4 @@ def check_layers(layers: Sequence[Layer]) -> Sequence[Layer]:
                 layers=(index,),
                 type=type(layer).__name__,
             )
-    if len(given) < 2:
-        raise OptionError(
-            "{count} layer was given; pass a list of at least two", kind="few layers", count=len(given)
-        )
     return given

@@ -18,6 +18,7 @@ from toposeam.checks import (
     check_kind,
     check_number,
     check_whole,
+    with_meant,
 )
 from toposeam.errors import OptionError, Term
 from toposeam.layers.blending.blend import Blend, Blending, blending_of
@@ -164,7 +165,10 @@ class StitchOptions:
         own = {name: value for name, value in given.items() if name in names}
         if keywords := {name: value for name, value in given.items() if name not in names}:
             method = method_for(own.get("method", "auto"), heats=True)
-            own["options"] = method_options(method, keywords, own.get("options"))
+            try:
+                own["options"] = method_options(method, keywords, own.get("options"))
+            except OptionError as error:
+                raise with_meant(error, names) from None
         return cls(**own)
 
     def _check_give(self) -> None:

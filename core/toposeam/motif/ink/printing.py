@@ -161,6 +161,10 @@ class Inked(PictureResult, ABC):
             save(path, document)
         return document
 
+    def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> npt.NDArray[Any]:
+        """Return the print in colour, for NumPy and matplotlib."""
+        return np.array(self.image(), dtype, copy=copy)
+
     def _repr_png_(self) -> bytes:
         return to_png(self.image())
 

@@ -208,12 +208,22 @@ def _between_masks(mask_a: Mask, mask_b: Mask, core: float, speck: float | None)
     overlap = Overlap(side, shared, start, frame.canvas)
     if not ((side[shared] == A).any() and (side[shared] == B).any()) and not (side == FREE).any():
         raise OverlapError(
-            "nothing divides the {patches}: wherever they overlap both cover the same ground,"
-            " or one is too thin to hold a seam; let one of them reach beyond the other, or "
-            "lie well inside it",
-            kind="nothing between",
+            f"nothing divides the {{patches}}: {_why_undivided(shared, own)}", kind="nothing between"
         )
     return overlap
+
+
+def _why_undivided(shared: Mask, covered: tuple[int, int]) -> str:
+    """Say why patches that cover so many pixels each, and share some, have no seam, and what helps."""
+    if int(np.count_nonzero(shared)) == max(covered):
+        return (
+            "both cover the same ground, so that there is nothing to join; leave one of them out, or let one "
+            "of them reach beyond the other"
+        )
+    return (
+        "wherever they overlap both cover the same ground, or one is too thin to hold a seam; let one of "
+        "them reach beyond the other, or lie well inside it"
+    )
 
 
 def pairs_along(axis: int) -> tuple[tuple[slice, ...], tuple[slice, ...]]:

@@ -85,6 +85,10 @@ class Seam:
             f"{self.termination})"
         )
 
+    def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> npt.NDArray[Any]:
+        """Return the labels, for NumPy and matplotlib."""
+        return np.array(self.labels, dtype, copy=copy)
+
     def _repr_png_(self) -> bytes:
         """Draw the seam for notebooks: over ``a`` dark, ``b`` light, and the label potential between them."""
         from toposeam.display import to_png

@@ -40,7 +40,7 @@ class Synthesis(PictureResult):
     --------
     >>> import numpy as np, toposeam as ts
     >>> sample = np.random.default_rng(0).random((48, 48))
-    >>> grown = ts.synthesize(sample, (60, 70), patch=20)
+    >>> grown = ts.synth(sample, (60, 70), patch=20)
     >>> grown.image.shape, grown.source.shape
     ((60, 70), (60, 70, 2))
     """
@@ -77,6 +77,10 @@ class Synthesis(PictureResult):
         height, width = self.labels.shape
         h, w = self.patch
         return f"Synthesis({width} × {height} px, {counted(self.count, 'patch')} of {w} × {h} px)"
+
+    def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> Image:
+        """Return the picture, for NumPy and matplotlib."""
+        return np.array(self.image, dtype, copy=copy)
 
     def _repr_png_(self) -> bytes:
         """Return the picture itself: seams are all over a texture and would hide it; ``to_svg`` shows
@@ -200,7 +204,7 @@ def apply_coordinates(
     tileable : {"both", "x", "y", "none"} or bool
         On which axes the texture continues at the opposite border; matters for the mixing at seams there.
     turns : {"none", "mirror", "quarters", "all"}
-        As given to :func:`toposeam.synthesize`; `exemplar` counts every position of an image.
+        As given to :func:`toposeam.synth`; `exemplar` counts every position of an image.
     smooth : int
         px to either side of a seam in which neighbouring patches are mixed.
 
@@ -217,7 +221,7 @@ def apply_coordinates(
     --------
     >>> import numpy as np, toposeam as ts
     >>> sample, height = np.random.default_rng(0).random((2, 48, 48))
-    >>> grown = ts.synthesize(sample, (60, 60), patch=20)
+    >>> grown = ts.synth(sample, (60, 60), patch=20)
     >>> ts.texture.apply_coordinates(height, grown.source).shape
     (60, 60)
     """

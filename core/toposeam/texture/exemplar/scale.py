@@ -45,7 +45,7 @@ def natural_patch(
     alpha, source_mask : (H, W) array_like, or a list with one per exemplar
         Opacity, and what may be copied.
     data_range : float, optional
-        The value that counts as white, as for :func:`toposeam.synthesize`.
+        The value that counts as white, as for :func:`toposeam.synth`.
 
     Returns
     -------

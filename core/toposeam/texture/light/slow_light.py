@@ -91,7 +91,7 @@ def flatten_light(
     source_mask : (H, W) array_like, optional
         Where it has values that count.
     data_range : float, optional
-        The value that counts as white, as for :func:`toposeam.synthesize`.
+        The value that counts as white, as for :func:`toposeam.synth`.
 
     Returns
     -------

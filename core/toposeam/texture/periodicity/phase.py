@@ -114,9 +114,9 @@ def closing_size(
     alpha, source_mask : (H, W) array_like, or a list with one per exemplar
         Opacity, and what may be copied.
     transparent : bool
-        Whether opacity is part of the texture, as for :func:`toposeam.synthesize`.
+        Whether opacity is part of the texture, as for :func:`toposeam.synth`.
     data_range : float, optional
-        The value that counts as white, as for :func:`toposeam.synthesize`.
+        The value that counts as white, as for :func:`toposeam.synth`.
 
     Returns
     -------

@@ -38,7 +38,7 @@ class LayOptions:
     --------
     >>> import numpy as np, toposeam as ts
     >>> sample = np.random.default_rng(0).random((48, 48))
-    >>> ts.synthesize(sample, (60, 60), patch=20, options=ts.texture.LayOptions(mend=0)).image.shape
+    >>> ts.synth(sample, (60, 60), patch=20, options=ts.texture.LayOptions(mend=0)).image.shape
     (60, 60)
     """
 

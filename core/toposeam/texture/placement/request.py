@@ -19,7 +19,7 @@ from toposeam.texture.placement.options import VARIED, LayOptions, varied
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TextureRequest:
-    """Options of a texture and what belongs to its exemplars; see :func:`toposeam.synthesize`."""
+    """Options of a texture and what belongs to its exemplars; see :func:`toposeam.synth`."""
 
     options: LayOptions
     seed: int

@@ -77,6 +77,10 @@ class Loop:
         size = f"{len(self)} frames of {width} × {height} px"
         return f"Loop({size}, from frame {self.start}, cost {self.cost:.6g})"
 
+    def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> Volume:
+        """Return all frames, for NumPy."""
+        return np.array(self.frames, dtype, copy=copy)
+
     def _repr_png_(self) -> bytes:
         """Return six frames side by side, for notebooks."""
         chosen = np.linspace(0, len(self), 6, endpoint=False).astype(int)

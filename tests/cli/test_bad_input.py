@@ -22,7 +22,7 @@ CASES = {
     "endless name": ("{a} {in}/" + "n" * 300 + ".png " + IN, "check its name"),
     "empty": ("{a} {in}/empty.png " + IN, "export the picture again"),
     "text": ("{a} {in}/text.png " + IN, "export it again as PNG or TIFF"),
-    "folder": ("{a} {in}/folder.png " + IN, "name a picture inside it"),
+    "folder": ("{a} {in}/folder.png " + IN, "holds 0 pictures; put two or more there"),
     "device": ("{a} /dev/zero " + IN, "save it to disk"),
     "standard input": ("- {b} " + IN, "there is no file '-'"),
     "vector": ("{a} {in}/vector.svg " + IN, "export it again as PNG or TIFF"),

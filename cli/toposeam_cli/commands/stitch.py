@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -88,7 +89,7 @@ def stitch(first: Path, second: Path | None, others: tuple[Path, ...], **given: 
     files = [path for path in (first, second, *others) if path is not None]
     if given["offset"] is not None and len(given["offset"]) == 3:
         return _stitch_clips(files, given)
-    if any(path.is_dir() for path in files):
+    if any(map(os.path.isdir, files)):
         files, left_out = in_folders(files, given["output"])
         given["skip_bad"] = True
         if left_out and not given["quiet"]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -35,12 +36,12 @@ def in_folders(paths: Sequence[Path], output: Path) -> tuple[list[Path], list[st
     Raises
     ------
     OptionError
-        If a folder holds fewer than two pictures and nothing else is given.
+        If a folder holds no picture, or only one and nothing else is given.
     """
     files, left_out = list[Path](), list[str]()
     made = re.compile(rf"{re.escape(output.stem)}(-\d+)?{re.escape(output.suffix)}")
     for path in paths:
-        if not path.is_dir():
+        if not os.path.isdir(path):  # noqa: PTH112 - False for names that are too long
             files.append(path)
             continue
         here = path.resolve() == output.resolve().parent
@@ -48,7 +49,7 @@ def in_folders(paths: Sequence[Path], output: Path) -> tuple[list[Path], list[st
         found = [one for one in found if not (here and made.fullmatch(one.name))]
         pictures = [one for one in found if one.suffix.lower() in PICTURES]
         left_out += [one.name for one in found if one.suffix.lower() not in PICTURES]
-        if len(paths) == 1 and len(pictures) < 2:
+        if len(pictures) < (2 if len(paths) == 1 else 1):
             raise ts.OptionError(
                 f"the folder '{path}' holds {counted(len(pictures), 'picture')}; put two or more there that "
                 "overlap"

@@ -139,8 +139,9 @@ def test_two_pictures_and_what_is_told(three, toposeam, stored):
     assert sum(layer["shown_px"] for layer in facts["layers"]) == (read_picture("out.tif").alpha > 0).sum()
     assert facts["seams"][0]["between"] == ["a.png", "b.png"]
     assert facts["seams"][0]["cost"] == pytest.approx(facts["cost"])
-    line = toposeam("stitch", *words, "--force").out
-    assert re.fullmatch(r"out\.tif: 100 × 54 px, seam of \d+ px by \S+, cost [\d.]+, \d\.\d\d s: .+\n", line)
+    line = toposeam("stitch", *words, "--force", "-v").out
+    seam = r"seam of \d+ px by \S+, cost [\d.]+, \d\.\d\d s\n"
+    assert re.fullmatch(seam + r"out\.tif: 100 × 54 px: .+\n", line)
 
 
 def test_depths_profiles_and_gray_are_matched(three, toposeam, stored, monkeypatch):

@@ -246,7 +246,7 @@ def test_any_picture_is_a_mask(folder, toposeam, kind):
 def test_a_written_seam_used_again_gives_the_same_bytes(folder, toposeam, where):
     line = ("stitch", "a.png", "b.png", f"--offset={where}")
     assert toposeam(*line, "-o", "first.png", "--seam", "first.svg").code == 0
-    ran = toposeam(*line, "-o", "again.png", "--use-seam", "first.svg", "--seam", "again.svg")
+    ran = toposeam(*line, "-o", "again.png", "--use-seam", "first.svg", "--seam", "again.svg", "-v")
     assert ran.code == 0
     assert "by path" in ran.out
     assert (folder / "first.png").read_bytes() == (folder / "again.png").read_bytes()

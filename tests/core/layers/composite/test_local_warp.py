@@ -158,8 +158,8 @@ def test_pictures_whose_places_were_found_go_round_bent_or_not(monkeypatch):
     layers = ring(150)
     places = tuple(similarity(layer.at) for layer in layers)
     found = SimpleNamespace(layers=layers, wrap=PERIOD, left_out={}, transforms=places)
-    target = "toposeam.layers.registration.find_places.find_places"
-    monkeypatch.setattr(target, lambda pictures, executor: found)
+    target = "toposeam.layers.registration.find_places.found_places"
+    monkeypatch.setattr(target, lambda pictures, *rest: found)
     composed = ts.stitch([layer.image for layer in found.layers], give=6)
     assert composed.bent > 2
     assert composed.period == PERIOD

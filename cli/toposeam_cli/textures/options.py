@@ -12,6 +12,7 @@ from typing import Any
 import click
 import numpy as np
 import numpy.typing as npt
+from click.core import ParameterSource
 
 import toposeam as ts
 from toposeam_cli.app.command import option
@@ -51,6 +52,10 @@ class PatchType(click.ParamType):  # type: ignore[type-arg]
         if isinstance(value, str) and not re.fullmatch(r"\d{1,9}", value):
             self.fail(f"{value!r} is not a patch size; write pixels, like 40, or auto", param, ctx)
         return int(value)
+
+
+#: What a variation, and a setting, stand for.
+VARIED = ("tolerance", "candidates", "most", "variety")
 
 
 class WeightsType(click.ParamType):  # type: ignore[type-arg]
@@ -109,24 +114,29 @@ class Search:
     variety: float
     method: ts.typing.Method
 
-    def keywords(self, varied: bool = False) -> dict[str, Any]:
-        """Return the keywords common to ``synthesize``, ``make_tileable`` and ``fill``. With `varied` set,
-        the options that it replaces must not be given.
+    def keywords(self, instead: str | None = None) -> dict[str, Any]:
+        """Return the keywords common to ``synthesize``, ``make_tileable`` and ``fill``.
+
+        Parameters
+        ----------
+        instead : str, optional
+            The option that stands for the choice of patches; what it replaces must not be given.
         """
-        lay = ("tolerance", "candidates", "context", "most", "variety", "method")
-        if varied:
-            every = {str(option.name) for option in click.get_current_context().command.params}
-            refuse_besides("--variation", every - set(lay[:2] + lay[3:5]), "it stands for that as well")
-            return {
-                "seed": self.seed,
-                "smooth": self.smooth,
-                "context": self.context,
-                "method": self.method,
-            }
+        context = click.get_current_context()
+        if instead is not None:
+            every = {str(option.name) for option in context.command.params}
+            refuse_besides(instead, every - set(VARIED), "it stands for that as well")
+        given = {
+            name: getattr(self, name)
+            for name in VARIED
+            if instead is None and context.get_parameter_source(name) is not ParameterSource.DEFAULT
+        }
         return {
             "seed": self.seed,
             "smooth": self.smooth,
-            "options": ts.texture.LayOptions(**{name: getattr(self, name) for name in lay}),
+            "context": self.context,
+            "method": self.method,
+            **given,
         }
 
 
@@ -138,6 +148,7 @@ class Results:
     labels: Path | None
     coordinates: Path | None
     max_megapixels: float
+    as_json: bool
     force: bool
     quiet: bool
 
@@ -288,6 +299,13 @@ _RESULTS: tuple[Callable[[Any], Any], ...] = (
         show_default=True,
         help="Refuse larger pictures; the search for patches takes about 30 bytes a pixel.",
     ),
+    option(
+        "--json",
+        "as_json",
+        heading="Output",
+        is_flag=True,
+        help="Print what was made, and how visible joints are, as JSON.",
+    ),
     force_option,
     quiet_option,
 )
@@ -366,6 +384,22 @@ class Destinations:
             pixels = np.tile(made.image, (3, 3, 1)[: made.image.ndim])
             alpha = None if made.alpha is None else np.tile(made.alpha, (3, 3))
             write_picture(self.preview, dataclasses.replace(picture, pixels=pixels, alpha=alpha), self.force)
+
+
+def summary(output: Path, made: ts.texture.Synthesis) -> dict[str, Any]:
+    """Return the summary of a texture for JSON."""
+    height, width = made.labels.shape
+    setting = {"setting": made.settings["setting"]} if "setting" in made.settings else {}
+    tried = {name: None if verdict is None else verdict.summary() for name, verdict in made.tried.items()}
+    return {
+        "output": str(output),
+        "size": [width, height],
+        "patches": made.count,
+        "patch": list(made.patch[::-1]),
+        **setting,
+        **made.verdict.summary(),
+        **({"tried": tried} if tried else {}),
+    }
 
 
 def coordinate_picture(made: ts.texture.Synthesis) -> npt.NDArray[np.uint16]:

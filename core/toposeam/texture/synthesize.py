@@ -22,31 +22,26 @@ from toposeam.checks import (
 from toposeam.errors import ImageError, OptionError, Term
 from toposeam.texture.assemble_result import finish
 from toposeam.texture.canvas.index_canvas import IndexCanvas
-from toposeam.texture.canvas.progress import Previews, stage, together
+from toposeam.texture.canvas.progress import Previews, stage
 from toposeam.texture.canvas.synthesis import Synthesis
 from toposeam.texture.canvas.tileable import Tileable
 from toposeam.texture.exemplar.atlas import Atlas
 from toposeam.texture.exemplar.mirror_narrow import widened
-from toposeam.texture.exemplar.scale import SMALLEST_PATCH, patch_for
+from toposeam.texture.exemplar.patch_search import whole
+from toposeam.texture.exemplar.scale import SMALLEST_PATCH, coarse_patch, patch_for
 from toposeam.texture.exemplar.sources import DataRange, Images, Sources, check_varied
 from toposeam.texture.exemplar.turns import TURNS, Turns, count_of, turned_sources
 from toposeam.texture.guide import guide_of, patch_within
 from toposeam.texture.light.seam_easing import EasedLight, Level, level_for
 from toposeam.texture.light.slow_light import CopyLight, flattened, levelled_copies, without_light
-from toposeam.texture.objects.object_exchange import make_objects_whole
-from toposeam.texture.periodicity.period import STRETCH, find_order
-from toposeam.texture.periodicity.phase import Phase
-from toposeam.texture.placement.options import LayKeywords, LayOptions
-from toposeam.texture.placement.patch_placer import PatchPlacer
+from toposeam.texture.material import Material, lay
+from toposeam.texture.periodicity.period import Order, find_order
+from toposeam.texture.placement.options import VARIED, LayKeywords, LayOptions
 from toposeam.texture.placement.request import TextureRequest
-from toposeam.texture.repair.seam_mending import mend
-from toposeam.texture.scheduling.process_pool import MAX_PROCESSES, Crew
-from toposeam.texture.scheduling.raster import lay_all, patches_on, shape_on
+from toposeam.texture.scheduling.process_pool import MAX_PROCESSES
+from toposeam.texture.scheduling.raster import patches_along
+from toposeam.texture.setting_trial import SETTINGS, Setting, Tried, brightness, try_settings
 from toposeam.texture.tile_origin import begun
-
-#: Largest number of objects that are replaced, per patch laid: the processes' shared memory has room for no
-#: more patches.
-_MAX_REPLACEMENTS = 64
 
 
 def synthesize(
@@ -58,6 +53,7 @@ def synthesize(
     seed: Seed = 0,
     tileable: Tileable = "none",
     turns: Turns = "none",
+    setting: Setting = "auto",
     variation: float | None = None,
     alpha: Images | None = None,
     transparent: bool = False,
@@ -105,6 +101,12 @@ def synthesize(
         Whether patches are also taken from the exemplars mirrored left to right, turned by quarters, or both:
         for gravel and leaves, which have no upper side. The light turns with them; values do not, so that it
         cannot be combined with `normal`. :attr:`Synthesis.exemplar` counts every position as an exemplar.
+    setting : {"auto", "coarse", "coarse-mixed", "fine", "fine-mixed", "varied"}
+        How large patches are (fine: by the size of elements; coarse: half of the exemplar's shorter side) and
+        which are taken: those that fit best (a `variation` of 0), mixed (0.25) or varied (0.5). By default
+        each is tried on a small texture, and the one of fewest visible joints that shows enough of the
+        exemplars is taken (:mod:`toposeam.texture.setting_trial`), unless `patch`, `variation`, one of the
+        options that this stands for, `options` or `guide` is given, or `transparent`: then it is varied.
     variation : float, optional
         From 0, where every patch fits as well as any can, whatever that repeats, to 1, where all of the
         sample shows about equally often, whatever that costs at the seams; the usual choice is 0.5. Stands
@@ -182,6 +184,7 @@ def synthesize(
     check_function("preview", preview)
     height, width = _size(size, max_megapixels)
     check_whole("processes", processes, 1, MAX_PROCESSES)
+    named = _named(setting, patch, variation, options, given_options)
     request = TextureRequest.of(
         "synthesize",
         options,
@@ -194,7 +197,7 @@ def synthesize(
         weights=weights,
         data_range=data_range,
         tileable=tileable,
-        variation=variation,
+        variation=variation if setting == "auto" else SETTINGS[setting].variation,
     )
     check_choice("turns", turns, TURNS)
     if normal is not None and turns != "none":
@@ -206,10 +209,11 @@ def synthesize(
     read, level = _exemplars(
         request, widened(source), widened(source_mask), flatten, level, transparent, guided=guide is not None
     )
-    parts, chosen, wraps = _shares(shares, len(read.shapes)), request.options, request.wraps
+    parts = _shares(shares, len(read.shapes))
     sources = turned_sources(read, turns)
-    side, lap = check_patch(sources, patch, overlap)
-    atlas = Atlas.of(sources.present, chosen.context, sources.usable)
+    sides = _sides(sources, patch, overlap)
+    side, lap = sides[-1] if setting != "auto" and SETTINGS[setting].coarse else sides[0]
+    atlas = Atlas.of(sources.present, request.options.context, sources.usable)
     if level is True:
         even = tuple(map(without_light, sources.features, sources.present, sources.usable))
         sources = dataclasses.replace(sources, features=even)
@@ -217,62 +221,103 @@ def synthesize(
     wanted = guide_of(guide, widened(guide_source), guide_weight, atlas, sources, (height, width), turns)
     if wanted is not None and patch is None and guide_weight:
         side, lap = check_patch(sources, patch_within(wanted, side), overlap)
-    overlap = lap
-    ordered = wanted is None and chosen.close
-    phase, fits = _phase(sources, (height, width), wraps, atlas.factor) if ordered else (None, None)
-    canvas = IndexCanvas((height, width), wraps, atlas.usable.size)
-    placer = PatchPlacer(
-        atlas,
-        features,
-        canvas,
-        chosen,
-        request.rng,
-        height * width,
-        wanted,
-        phase,
-        None if parts is None else np.repeat(parts, count_of(turns)).tolist(),
-        turns,
-        level is True,
+    material = Material(
+        atlas=atlas,
+        features=features,
+        order=_order(sources) if wanted is None and request.options.close else None,
+        guide=wanted,
+        shares=None if parts is None else np.repeat(parts, count_of(turns)).tolist(),
+        turns=turns,
+        levelled=level is True,
     )
-    shape = shape_on(canvas, side, overlap)
-    if not placer.ranking.search.room(shape).any():
-        smaller = "" if patch is None else "smaller patches or "
-        room = {"width": shape[1], "height": shape[0], "smaller": smaller}
-        if source_mask is not None:
-            raise ImageError(
-                "no place in {mask} has room for a patch of {width} × {height} px; use {smaller}a "
-                "larger mask",
-                kind="no room",
-                mask=Term("source_mask", "the mask"),
-                **room,
-            )
+    sized, masked = patch is not None, source_mask is not None
+    _check_room(atlas, (height, width), request, (side, lap), sized=sized, masked=masked)
+    tried: list[Tried] = []
+    done = 0.0
+    if setting == "auto" and not (named or transparent or wanted):
+        gray, done = atlas.spread(brightness(sources, request.white_of(sources))), 0.4
+        report = stage(progress, 0.0, done)
+        tried = try_settings(material, gray, sides, request, (height, width), report)
+        setting = tried[0].name if tried else "varied"
+        side, lap = sides[-1] if SETTINGS[setting].coarse else sides[0]
+        request = request.varied(SETTINGS[setting].variation)
+    placer = material.placer((height, width), request.wraps, request.options, request.rng)
+    canvas = placer.canvas
+    shown = None if preview is None else Previews(preview, sources, atlas, canvas)
+    shape = lay(placer, side, lap, processes, stage(progress, done, 1 - done), shown)
+    fits = None if material.order is None else material.order.better_size((height, width), request.wraps)
+    del placer, material, wanted  # a guide takes more memory than the picture
+    settings = {"patch": side, "overlap": lap, **request.settings, "flatten": flatten, "level": level}
+    settings |= {"shares": parts, "turns": turns, "transparent": transparent}
+    settings |= {"setting": None if setting == "auto" else setting}
+    lift = _light(sources, features, atlas, canvas, level) if level else None
+    made = finish(sources, atlas, canvas, shape, settings, request, lift=lift)
+    made = dataclasses.replace(made, fits=fits, tried={one.name: one.verdict for one in tried})
+    return begun(made) if guide is None else made
+
+
+def _named(
+    setting: Setting,
+    patch: int | None,
+    variation: float | None,
+    options: LayOptions | None,
+    given: LayKeywords,
+) -> bool:
+    """Check a setting; test whether something that it stands for is given."""
+    check_choice("setting", setting, ("auto", *SETTINGS))
+    own: dict[str, Any] = {"patch": patch, "variation": variation, "options": options, **given}
+    refused = [name for name in ("patch", "variation", "options", *VARIED) if own.get(name) is not None]
+    if refused and setting != "auto":
+        raise OptionError(
+            "{parameter} stands for how large patches are and which are taken; leave out {refused}, or "
+            "{parameter}",
+            kind="conflict",
+            parameter=Term("setting"),
+            value=setting,
+            refused=tuple(map(Term, refused)),
+        )
+    return bool(refused)
+
+
+def _sides(sources: Sources, patch: int | None, overlap: float | None) -> list[tuple[int, int]]:
+    """Choose side and overlap, px, of fine patches, and of coarse ones where these are larger."""
+    sides = [check_patch(sources, patch, overlap)]
+    coarse = coarse_patch(sources.usable, sources.shapes)
+    if patch is None and coarse > sides[0][0]:
+        sides.append(check_patch(sources, coarse, overlap))
+    return sides
+
+
+def _check_room(
+    atlas: Atlas,
+    size: tuple[int, int],
+    request: TextureRequest,
+    patch: tuple[int, int],
+    *,
+    sized: bool,
+    masked: bool,
+) -> None:
+    """Refuse patches, given by side and overlap, that have room nowhere in the exemplars."""
+    height, width = (
+        patches_along(length, *patch, wraps)[0] for length, wraps in zip(size, request.wraps, strict=True)
+    )
+    if whole(atlas.copied, (height, width)).any():
+        return
+    room = {"width": width, "height": height, "smaller": "smaller patches or " if sized else ""}
+    if masked:
         raise ImageError(
-            "no place that shows has room for a patch of {width} × {height} px; use {smaller}an exemplar "
-            "with fewer holes, or {transparent} where holes are part of it",
-            kind="no opaque room",
-            transparent=Term("transparent", value=True),
+            "no place in {mask} has room for a patch of {width} × {height} px; use {smaller}a larger mask",
+            kind="no room",
+            mask=Term("source_mask", "the mask"),
             **room,
         )
-    count = patches_on(canvas, side, overlap)
-    tries = round(chosen.mend * count)
-    most = count + tries + _MAX_REPLACEMENTS * count
-    shown = None if preview is None else Previews(preview, sources, atlas, canvas)
-    with Crew(processes, placer, lambda: canvas.share(most)) as crew:
-        lay_all(placer, side, overlap, crew, together(shown, stage(progress, 0.0, 0.9)))
-        if placer.guard is None:
-            mend(placer, shape, tries, crew, stage(progress, 0.9, 0.1))
-        elif chosen.mend:  # where seams are bad they cut objects, and those are replaced
-            make_objects_whole(placer, shape, crew, most)
-        crew.dismiss()
-        if progress is not None:
-            progress(1.0)
-        del placer, wanted  # a guide takes more memory than the picture
-        settings = {"patch": side, "overlap": overlap, **request.settings, "flatten": flatten, "level": level}
-        settings |= {"shares": parts, "turns": turns, "transparent": transparent}
-        lift = _light(sources, features, atlas, canvas, level) if level else None
-        made = finish(sources, atlas, canvas, shape, settings, request.smooth, lift=lift)
-        made = dataclasses.replace(made, fits=fits)
-        return begun(made) if guide is None else made
+    raise ImageError(
+        "no place that shows has room for a patch of {width} × {height} px; use {smaller}an exemplar "
+        "with fewer holes, or {transparent} where holes are part of it",
+        kind="no opaque room",
+        transparent=Term("transparent", value=True),
+        **room,
+    )
 
 
 def _exemplars(
@@ -310,18 +355,9 @@ def _exemplars(
     return sources, level
 
 
-def _phase(
-    sources: Sources, size: tuple[int, int], wraps: tuple[bool, bool], factor: int
-) -> tuple[Phase | None, tuple[int, int] | None]:
-    """Find the order that patches keep step with, and a size near by on which it closes better."""
-    if len(sources.shapes) > 1:
-        return None, None
-    order = find_order(sources.features[0], sources.usable[0])
-    if order is None:
-        return None, None
-    closed, stretch = order.fitted(size, wraps)
-    phase = Phase(order, closed, factor) if stretch <= STRETCH else None
-    return phase, order.better_size(size, wraps)
+def _order(sources: Sources) -> Order | None:
+    """Find the order that patches keep step with."""
+    return None if len(sources.shapes) > 1 else find_order(sources.features[0], sources.usable[0])
 
 
 def _light(

@@ -3,7 +3,8 @@
 No one setting does for all textures. Small patches that have to show all of the sample cut what is large or
 ordered; large ones that fit best repeat what is small. What decides is the number of visible joints, against
 the steps that the sample has itself, and how much of the sample shows: less than random pixels would show
-counts against a texture, unless the sample repeats itself anyway.
+counts against a texture, unless the sample repeats itself anyway. Where there are objects on a ground, joints
+within them count as well.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from toposeam.arrays import Floats32, Mask
 from toposeam.texture.canvas.index_canvas import IndexCanvas
 from toposeam.texture.canvas.progress import Report, stage
 from toposeam.texture.canvas.visible_joints import FEW, JointSteps, JointVerdict, busyness
+from toposeam.texture.exemplar.landmarks import find_landmarks
 from toposeam.texture.exemplar.patch_search import reduced, whole
 from toposeam.texture.exemplar.scale import SMALLEST_PATCH, autocorrelation
 from toposeam.texture.exemplar.sources import Sources
@@ -121,7 +123,8 @@ def try_settings(
         verdict: JointVerdict | None = None
         with contextlib.suppress(_HopelessError):
             report = stage(progress, number / len(names), 1 / len(names))
-            watching = judge.watching(placer.canvas, best)
+            # Where there are objects, those that are cut are made whole in the end.
+            watching = judge.watching(placer.canvas, best) if placer.guard is None else None
             lay(placer, patch, overlap, progress=report, shown=watching)
             verdict = judge.verdict(placer.canvas)
         cost = math.inf if verdict is None else judge.cost(verdict, placer.canvas.index.size)
@@ -155,13 +158,15 @@ class _Judge:
         self._busy = busyness(gray[..., 0], self._atlas.usable)
         place = max(self._atlas.places, key=lambda one: gray[one].size)
         self._order = _order(gray[place], self._atlas.usable[place])
+        guard = find_landmarks(material.features, self._atlas.usable, self._atlas.factor).guard
+        self._objects = None if guard is None else guard.reshape(gray.shape[:2]) > 0
 
     def verdict(self, canvas: IndexCanvas) -> JointVerdict:
         """Judge what has been laid."""
         steps = JointSteps(canvas.index, self._atlas, canvas.wrap)
         steps.add(self._gray, 1.0)
         laid = int(np.count_nonzero(canvas.index >= 0))
-        return steps.verdict(self._busy, laid, canvas.shown(self._atlas.copied))
+        return steps.verdict(self._busy, laid, canvas.shown(self._atlas.copied), objects=self._objects)
 
     def cost(self, verdict: JointVerdict, laid: int) -> float:
         """Weigh joints and what of the sample does not show, given the number of pixels laid."""

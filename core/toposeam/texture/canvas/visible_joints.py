@@ -21,6 +21,8 @@ from toposeam.texture.exemplar.atlas import Atlas
 _VISIBLE = 0.12
 #: Share of the sample's own pixels with such steps at which half of the joints are hidden.
 _BUSY = 0.02
+#: What a joint within an object counts that is no step.
+_CUTTING = 0.2
 #: Number of joints per 1000 px that are hardly noticed.
 FEW = 0.3
 #: Side, px, of the squares of a texture of which the worst is named.
@@ -138,7 +140,12 @@ class JointSteps:
         return light
 
     def verdict(
-        self, busy: float, area: int, shown: float | None, corner: tuple[int, int] = (0, 0)
+        self,
+        busy: float,
+        area: int,
+        shown: float | None,
+        corner: tuple[int, int] = (0, 0),
+        objects: Mask | None = None,
     ) -> JointVerdict:
         """Count the joints that are seen.
 
@@ -152,9 +159,16 @@ class JointSteps:
             Share of the samples that shows.
         corner : (int, int)
             x and y of the first pixel on the picture.
+        objects : (AH, AW) bool array, optional
+            Pixels of objects, in which joints that are no steps count as well, less: they cut one, or join
+            two.
         """
         at, before, after = np.abs(self._steps)
-        seen = self._first[at - np.maximum(before, after) > _VISIBLE]
+        visible = at - np.maximum(before, after) > _VISIBLE
+        seen, cutting = self._first[visible], 0
+        if objects is not None:
+            p, q = (objects.ravel().take(one) for one in self._sources[:2])
+            cutting = int(np.count_nonzero((p | q) & ~visible))
         where = None
         if len(seen):
             y, x = np.divmod(seen, np.int32(self._shape[1]))
@@ -162,7 +176,8 @@ class JointSteps:
             row, column = divmod(int(np.bincount(y // _SQUARE * wide + x // _SQUARE).argmax()), wide)
             inside = (y // _SQUARE == row) & (x // _SQUARE == column)
             where = round(float(x[inside].mean())) + corner[0], round(float(y[inside].mean())) + corner[1]
-        return JointVerdict(joints=1000.0 * len(seen) / max(area, 1), busy=busy, shown=shown, where=where)
+        count = 1000.0 * (len(seen) + _CUTTING * cutting) / max(area, 1)
+        return JointVerdict(joints=count, busy=busy, shown=shown, where=where)
 
 
 def _taken(values: npt.NDArray[Any], place: Ints32) -> Floats32:

@@ -40,6 +40,17 @@ def test_steps_that_the_sample_has_there_are_none(halves):
     assert judged(atlas, plane, flat[:30, :30]).joints == 0
 
 
+def test_joints_within_objects_count_less_than_steps(halves):
+    atlas, plane, flat = halves
+    index = np.concatenate([flat[:10, :20], flat[:10, 12:32]], axis=1)  # the same tone on either side
+    steps = JointSteps(index, atlas, (False, False))
+    steps.add(plane[..., 0], 1.0)
+    everywhere = np.ones(atlas.usable.shape, bool)
+    assert steps.verdict(0.0, 400, None).joints == 0
+    assert steps.verdict(0.0, 400, None, objects=~everywhere).joints == 0
+    assert steps.verdict(0.0, 400, None, objects=everywhere).joints == pytest.approx(0.2 * 1000 * 10 / 400)
+
+
 def test_light_that_evens_a_step_hides_it(halves):
     atlas, plane, flat = halves
     index = np.concatenate([flat[:10, :20], flat[25:35, 10:30]], axis=1)

@@ -32,6 +32,7 @@ from toposeam_cli.media.pictures.picture import Picture, check_size, read_pictur
 from toposeam_cli.textures.maps import Maps, white_of
 from toposeam_cli.textures.options import (
     Destinations,
+    LatticeType,
     Patches,
     Results,
     Search,
@@ -154,6 +155,13 @@ _GUIDE = (
     "or varied. auto: the best of small trials. Instead of --patch and --variation.",
 )
 @option(
+    "--lattice",
+    heading="Texture",
+    type=LatticeType(),
+    help="The periods at which SOURCE repeats itself, across and down, px, 0 for none, and how far each row "
+    "is shifted, like 64x48 or 80x24,40; by default the order that is seen, if any.",
+)
+@option(
     "--variation",
     heading="Texture",
     type=FiniteRange(0, 1),
@@ -221,6 +229,7 @@ def synth(
     tileable: ts.texture.Tileable,
     turns: ts.typing.Turns,
     setting: ts.typing.Setting,
+    lattice: tuple[float, ...] | None,
     variation: float | None,
     source: tuple[Path, ...],
     shares: tuple[float, ...] | None,
@@ -271,7 +280,7 @@ def synth(
     ]
     wanted = size
     if isinstance(size, AutoSize):
-        size = _closing_size(size, pictures, copied, tileable, transparent)
+        size = _closing_size(size, pictures, copied, tileable, transparent, lattice)
         check_size(output, *size)
     with (
         share_bar(f"growing {output.name}", results.quiet) as progress,
@@ -283,6 +292,7 @@ def synth(
             tileable=tileable,
             turns=turns,
             setting=setting,
+            lattice=lattice,
             variation=variation,
             alpha=alphas(pictures),
             source_mask=copied or None,
@@ -350,6 +360,7 @@ def _closing_size(
     copied: list[np.ndarray],
     tileable: ts.texture.Tileable,
     transparent: bool,
+    lattice: tuple[float, ...] | None,
 ) -> tuple[int, int]:
     """Return the width and height at which the first source's regular pattern closes, near the wished size or
     else near twice the source's.
@@ -364,6 +375,7 @@ def _closing_size(
         source_mask=copied[0] if copied else None,
         transparent=transparent,
         data_range=white_of(pictures[0]),
+        lattice=lattice,
     )
     return found[1], found[0]
 

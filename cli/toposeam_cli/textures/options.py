@@ -54,6 +54,30 @@ class PatchType(click.ParamType):  # type: ignore[type-arg]
         return int(value)
 
 
+class LatticeType(click.ParamType):  # type: ignore[type-arg]
+    """Periods across and down and a shift of rows, as core takes them: down, right, shift."""
+
+    name = "WIDTHxHEIGHT[,SHIFT]"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[float, ...]:
+        """Parse the text."""
+        if isinstance(value, tuple):
+            return value
+        number = r"(\d{1,6}(?:\.\d{1,6})?)"
+        found = re.fullmatch(rf"{number}x{number}(?:,(-?{number[1:-1]}))?", str(value).strip())
+        if found is None:
+            self.fail(
+                f"{value!r} is no lattice; write its periods across and down, px, and how far each row is "
+                "shifted, like 64x48 or 80x24,40",
+                param,
+                ctx,
+            )
+        right, down, shift = found.groups()
+        return (float(down), float(right)) if shift is None else (float(down), float(right), float(shift))
+
+
 #: What a variation, and a setting, stand for.
 VARIED = ("tolerance", "candidates", "most", "variety")
 

@@ -35,7 +35,7 @@ from toposeam.texture.guide import guide_of, patch_within
 from toposeam.texture.light.seam_easing import EasedLight, Level, level_for
 from toposeam.texture.light.slow_light import CopyLight, flattened, levelled_copies, without_light
 from toposeam.texture.material import Material, lay
-from toposeam.texture.periodicity.period import Order, find_order
+from toposeam.texture.periodicity.period import Order, find_order, given_order
 from toposeam.texture.placement.options import VARIED, LayKeywords, LayOptions
 from toposeam.texture.placement.request import TextureRequest
 from toposeam.texture.scheduling.process_pool import MAX_PROCESSES
@@ -55,6 +55,7 @@ def synthesize(
     turns: Turns = "none",
     setting: Setting = "auto",
     variation: float | None = None,
+    lattice: Sequence[float] | None = None,
     alpha: Images | None = None,
     transparent: bool = False,
     source_mask: Images | None = None,
@@ -111,6 +112,11 @@ def synthesize(
         From 0, where every patch fits as well as any can, whatever that repeats, to 1, where all of the
         sample shows about equally often, whatever that costs at the seams; the usual choice is 0.5. Stands
         for the options `tolerance`, `candidates`, `most` and `variety`.
+    lattice : (float, float) or (float, float, float), optional
+        The periods, px, at which the exemplar repeats itself downwards and to the right, 0 where it does not,
+        and by how much each row is shifted to the right, as of bricks. Patches keep step with it; by default
+        with the order that is found, if any, which takes three or more periods. For one exemplar, not turned,
+        without a guide.
     alpha, source_mask : (H, W) array_like, or a list with one per exemplar
         Opacity, which is laid with the patches, and what may be copied; by default whatever has an opacity
         above 0.
@@ -209,6 +215,15 @@ def synthesize(
     read, level = _exemplars(
         request, widened(source), widened(source_mask), flatten, level, transparent, guided=guide is not None
     )
+    if lattice is not None and (len(read.shapes) > 1 or turns != "none" or guide is not None):
+        raise OptionError(
+            "{parameter} is that of one exemplar as it lies; leave it out with several ones, {turns} or "
+            "{guide}",
+            kind="conflict",
+            parameter=Term("lattice"),
+            turns=Term("turns"),
+            guide=Term("guide"),
+        )
     parts = _shares(shares, len(read.shapes))
     sources = turned_sources(read, turns)
     sides = _sides(sources, patch, overlap)
@@ -224,7 +239,7 @@ def synthesize(
     material = Material(
         atlas=atlas,
         features=features,
-        order=_order(sources) if wanted is None and request.options.close else None,
+        order=_order(sources, request.options, lattice) if wanted is None else None,
         guide=wanted,
         shares=None if parts is None else np.repeat(parts, count_of(turns)).tolist(),
         turns=turns,
@@ -249,6 +264,7 @@ def synthesize(
     del placer, material, wanted  # a guide takes more memory than the picture
     settings = {"patch": side, "overlap": lap, **request.settings, "flatten": flatten, "level": level}
     settings |= {"shares": parts, "turns": turns, "transparent": transparent}
+    settings |= {"lattice": None if lattice is None else list(lattice)}
     settings |= {"setting": None if setting == "auto" else setting}
     lift = _light(sources, features, atlas, canvas, level) if level else None
     made = finish(sources, atlas, canvas, shape, settings, request, lift=lift)
@@ -355,9 +371,13 @@ def _exemplars(
     return sources, level
 
 
-def _order(sources: Sources) -> Order | None:
-    """Find the order that patches keep step with."""
-    return None if len(sources.shapes) > 1 else find_order(sources.features[0], sources.usable[0])
+def _order(sources: Sources, options: LayOptions, lattice: Sequence[float] | None) -> Order | None:
+    """Find the order that patches keep step with, if none is given."""
+    if lattice is not None:
+        return given_order(lattice)
+    if len(sources.shapes) > 1 or not options.close:
+        return None
+    return find_order(sources.features[0], sources.usable[0])
 
 
 def _light(

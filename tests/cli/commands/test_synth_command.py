@@ -350,6 +350,21 @@ def test_the_line_names_the_setting_that_was_chosen(toposeam):
     assert (read_picture("q.png").pixels == read_picture("o.png").pixels).all()
 
 
+def test_a_lattice_is_written_across_and_down(toposeam):
+    asked = ("synth", "moss.png", "--size", "60", "--setting", "fine", "-o", "o.png", "--force", "--lattice")
+    assert toposeam(*asked, "24x16,-8").code == 0
+    source = read_picture("moss.png").pixels
+    made = ts.synthesize(source, 60, setting="fine", lattice=(16, 24, -8)).image
+    assert (read_picture("o.png").pixels == made).all()
+    for wrong in ("24", "axb", "24x2", "0x0"):
+        ran = toposeam(*asked, wrong)
+        assert ran.code != 0
+        assert "lattice" in ran.err
+    closing = ("synth", "moss.png", "--tileable", "both", "-o", "p.png", "--setting", "fine")
+    ran = toposeam(*closing, "--size", "auto:70x50", "--lattice", "24x16")
+    assert read_picture("p.png").pixels.shape == (48, 72, 3)
+
+
 @pytest.mark.parametrize("given", [("--variety", "1"), ("--patch", "24"), ("--variation", "0.2")])
 def test_a_setting_stands_for_what_it_is_made_of(toposeam, given):
     ran = toposeam("synth", "moss.png", "--size", "60", "--setting", "fine", *given, "-o", "o.png")

@@ -9,6 +9,7 @@ A texture that repeats after (H, W) px keeps step across its border when H k_y a
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,8 @@ import scipy.fft as sf
 from scipy import ndimage
 
 from toposeam.arrays import Floats, Floats32, Mask
+from toposeam.checks import check_items, check_number
+from toposeam.errors import OptionError, Term
 from toposeam.texture.exemplar.scale import autocorrelation
 from toposeam.texture.exemplar.sources import UNSEEN_STEP
 from toposeam.texture.periodicity.lattice_fit import finest_lattice, mean_on
@@ -31,6 +34,8 @@ _LEAST_KEPT = 0.85
 #: Largest stretch by which an order is made to close, and largest stretch that is not seen, as shares. Lines
 #: that are bent a little where patches meet look better than broken ones; beyond, hexagons get borders twice.
 STRETCH, UNSEEN = 0.12, 0.005
+#: Shortest period that can be given, px.
+_LEAST_PERIOD = 4
 #: Largest side, px, of the middle part of an exemplar in which its order is measured.
 _MEASURED_SIDE = 512
 #: Side of a box, px: three of them, one after the other, blur like a Gaussian of 23.5 px. Slower changes
@@ -87,6 +92,40 @@ class Order:
         found = self.closing_size(size, wraps)
         stretch = self.fitted(size, wraps)[1]
         return found if stretch > UNSEEN and self.fitted(found, wraps)[1] <= stretch / 2 else None
+
+
+def given_order(lattice: Sequence[float]) -> Order:
+    """Make the order of a lattice: its periods down and to the right, px, 0 where nothing repeats, and how
+    much further to the right each row lies than the one above, by default 0.
+
+    Raises
+    ------
+    OptionError
+
+    Examples
+    --------
+    >>> given_order((16, 40, 20)).periods.round(6).tolist()
+    [[16.0, 20.0], [0.0, 40.0]]
+    >>> given_order((12.5, 0)).periods.round(6).tolist()
+    [[12.5, 0.0]]
+    """
+    wanted = "two periods, px, and a shift of each row"
+    given = [check_number("lattice", one) for one in check_items("lattice", lattice, object, wanted)]
+    down, right, shear = (*given, 0.0)[:3] if len(given) in (2, 3) else (0.0, 0.0, 0.0)
+    if any(one != 0 and one < _LEAST_PERIOD for one in (down, right)) or down == right == 0:
+        raise OptionError(
+            "{parameter} is {value!r}; give its periods on both axes, {least} px or more, or 0 for one of "
+            "them where nothing repeats, and by how much each row is shifted",
+            kind="number",
+            parameter=Term("lattice"),
+            value=lattice,
+            least=_LEAST_PERIOD,
+        )
+    if not right:
+        return Order(np.array([[1 / down, 0.0]]), 1.0)
+    if not down:
+        return Order(np.array([[0.0, 1 / right]]), 1.0)
+    return Order(np.asarray(np.linalg.inv(np.array([[down, shear], [0.0, right]])).T, np.float64), 1.0)
 
 
 def _closing(cycles: Floats, finest: float, length: int, within: bool) -> int:

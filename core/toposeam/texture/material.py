@@ -84,9 +84,7 @@ class Material:
             planes.append(values)
             masks.append((present >= _WHOLE, free >= _WHOLE))
         atlas = Atlas.of([one for one, _ in masks], context, [one for _, one in masks])
-        order = self.order
-        if order is not None:
-            order = dataclasses.replace(order, reciprocal=order.reciprocal * factor)
+        order = None if self.order is None else self.order.scaled(factor)
         return dataclasses.replace(self, atlas=atlas, features=atlas.spread(planes), order=order)
 
 

@@ -9,7 +9,6 @@ within them count as well.
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import math
 from collections.abc import Sequence
@@ -26,6 +25,7 @@ from toposeam.texture.exemplar.patch_search import reduced, whole
 from toposeam.texture.exemplar.scale import SMALLEST_PATCH, autocorrelation
 from toposeam.texture.exemplar.sources import Sources
 from toposeam.texture.material import Material, lay
+from toposeam.texture.periodicity.period import Order
 from toposeam.texture.placement.request import TextureRequest
 
 #: In the order in which they are tried: coarse patches are few.
@@ -57,6 +57,8 @@ _HALF_WAY, _HOPELESS = 0.5, 0.5
 #: Of the part of the sample that as many random pixels would show, this share should show. Cost of each
 #: further share of the sample that does not, in the unit of the logarithm of joints.
 _SHOWN, _UNSHOWN_COST = 0.85, 5.0
+#: By how much a texture that keeps an order may cost more than one that does not.
+_DOUBT = 0.1
 #: Largest likeness of the sample with itself far away at which repeating it is a fault, and what is far, as a
 #: share of its shorter side.
 _ORDERED, _FAR = 0.5, 0.15
@@ -76,17 +78,21 @@ class _HopelessError(Exception):
 
 def try_settings(
     material: Material,
+    others: Sequence[Order | None],
     gray: Floats32,
     patches: Sequence[tuple[int, int]],
     request: TextureRequest,
     size: tuple[int, int],
     progress: Report | None = None,
-) -> list[Tried]:
-    """Lay a small texture with each setting, at reduced size where the samples are large.
+) -> tuple[list[Tried], Order | None]:
+    """Lay a small texture with each setting, at reduced size where the samples are large; and with the best
+    of them those that keep other orders.
 
     Parameters
     ----------
     material : Material
+    others : sequence of Order or None
+        Orders that patches may keep step with instead of the material's.
     gray : (AH, AW, 1) float32 array
         Brightness of the samples on their atlas, as a share of white.
     patches : sequence of (int, int)
@@ -101,6 +107,8 @@ def try_settings(
     -------
     list of Tried
         The best one first; empty where holes leave no room at reduced size.
+    Order or None
+        The one that patches had better keep step with.
     """
     shorter = int(material.atlas.shapes.min())
     factor = max(1, round(shorter / _SIDE))
@@ -110,26 +118,40 @@ def try_settings(
     shape = min(-(-size[0] // factor), side), min(-(-size[1] // factor), side)
     judge = _Judge(small, gray)
     names = [name for name in SETTINGS if len(patches) > SETTINGS[name].coarse]
-    tried: list[Tried] = []
-    for number, name in enumerate(names):
+    part = 1 / (len(names) + 1)
+
+    def attempt(name: SettingName, material: Material, best: float, start: float) -> Tried | None:
         patch, overlap = (max(length // factor, 2) for length in patches[SETTINGS[name].coarse])
         patch = max(patch, SMALLEST_PATCH)
         if not whole(small.atlas.copied, (min(patch, shape[0]), min(patch, shape[1]))).any():
-            continue
+            return None
         options = request.varied(SETTINGS[name].variation).options
         options = dataclasses.replace(options, context=context)
-        placer = small.placer(shape, (False, False), options, request.rng)
-        best = min((one.cost for one in tried), default=math.inf)
-        verdict: JointVerdict | None = None
-        with contextlib.suppress(_HopelessError):
-            report = stage(progress, number / len(names), 1 / len(names))
-            # Where there are objects, those that are cut are made whole in the end.
-            watching = judge.watching(placer.canvas, best) if placer.guard is None else None
-            lay(placer, patch, overlap, progress=report, shown=watching)
-            verdict = judge.verdict(placer.canvas)
-        cost = math.inf if verdict is None else judge.cost(verdict, placer.canvas.index.size)
-        tried.append(Tried(name, verdict, cost))
-    return sorted(tried, key=lambda one: one.cost)
+        placer = material.placer(shape, (False, False), options, request.rng)
+        # Where there are objects, those that are cut are made whole in the end.
+        watching = judge.watching(placer.canvas, best) if placer.guard is None else None
+        try:
+            lay(placer, patch, overlap, progress=stage(progress, start, part), shown=watching)
+        except _HopelessError:
+            return Tried(name, None, math.inf)
+        verdict = judge.verdict(placer.canvas)
+        return Tried(name, verdict, judge.cost(verdict, placer.canvas.index.size))
+
+    tried: list[Tried] = []
+    for number, name in enumerate(names):
+        one = attempt(name, small, min((each.cost for each in tried), default=math.inf), number * part)
+        tried += [] if one is None else [one]
+    tried.sort(key=lambda one: one.cost)
+    if not tried:
+        return tried, material.order
+    best, order = tried[0], material.order
+    for other in others:
+        scaled = None if other is None else other.scaled(factor)
+        again = attempt(best.name, dataclasses.replace(small, order=scaled), math.inf, 1 - part)
+        doubt = _DOUBT * ((other is not None) - (order is not None))
+        if again is not None and again.cost <= best.cost + doubt:
+            best, order = again, other
+    return [best, *tried[1:]], order
 
 
 def brightness(sources: Sources, white: float) -> list[Floats32]:

@@ -35,7 +35,7 @@ from toposeam.texture.guide import guide_of, patch_within
 from toposeam.texture.light.seam_easing import EasedLight, Level, level_for
 from toposeam.texture.light.slow_light import CopyLight, flattened, levelled_copies, without_light
 from toposeam.texture.material import Material, lay
-from toposeam.texture.periodicity.period import Order, find_order, given_order
+from toposeam.texture.periodicity.period import Order, find_order, given_order, likely_order
 from toposeam.texture.placement.options import VARIED, LayKeywords, LayOptions
 from toposeam.texture.placement.request import TextureRequest
 from toposeam.texture.scheduling.process_pool import MAX_PROCESSES
@@ -55,7 +55,7 @@ def synthesize(
     turns: Turns = "none",
     setting: Setting = "auto",
     variation: float | None = None,
-    lattice: Sequence[float] | None = None,
+    lattice: npt.ArrayLike | None = None,
     alpha: Images | None = None,
     transparent: bool = False,
     source_mask: Images | None = None,
@@ -112,11 +112,12 @@ def synthesize(
         From 0, where every patch fits as well as any can, whatever that repeats, to 1, where all of the
         sample shows about equally often, whatever that costs at the seams; the usual choice is 0.5. Stands
         for the options `tolerance`, `candidates`, `most` and `variety`.
-    lattice : (float, float) or (float, float, float), optional
+    lattice : (float, float), (float, float, float) or (n, 2) array_like, optional
         The periods, px, at which the exemplar repeats itself downwards and to the right, 0 where it does not,
-        and by how much each row is shifted to the right, as of bricks. Patches keep step with it; by default
-        with the order that is found, if any, which takes three or more periods. For one exemplar, not turned,
-        without a guide.
+        and by how much each row is shifted to the right, as of bricks; or one or two shifts, (n, 2). Patches
+        keep step with it; by default with the order that is found, if any, which takes three or more periods,
+        or that of fewer periods that is guessed where settings are tried, if that does as well. For one
+        exemplar, not turned, without a guide.
     alpha, source_mask : (H, W) array_like, or a list with one per exemplar
         Opacity, which is laid with the patches, and what may be copied; by default whatever has an opacity
         above 0.
@@ -205,25 +206,10 @@ def synthesize(
         tileable=tileable,
         variation=variation if setting == "auto" else SETTINGS[setting].variation,
     )
-    check_choice("turns", turns, TURNS)
-    if normal is not None and turns != "none":
-        raise OptionError(
-            "turned patches have normals that point elsewhere; leave out {turns}, or {normal}",
-            kind="conflict",
-            parameter=Term("turns"),
-        )
+    _check_turns(turns, normal, lattice, guide)
     read, level = _exemplars(
         request, widened(source), widened(source_mask), flatten, level, transparent, guided=guide is not None
     )
-    if lattice is not None and (len(read.shapes) > 1 or turns != "none" or guide is not None):
-        raise OptionError(
-            "{parameter} is that of one exemplar as it lies; leave it out with several ones, {turns} or "
-            "{guide}",
-            kind="conflict",
-            parameter=Term("lattice"),
-            turns=Term("turns"),
-            guide=Term("guide"),
-        )
     parts = _shares(shares, len(read.shapes))
     sources = turned_sources(read, turns)
     sides = _sides(sources, patch, overlap)
@@ -250,26 +236,44 @@ def synthesize(
     tried: list[Tried] = []
     done = 0.0
     if setting == "auto" and not (named or transparent or wanted):
-        gray, done = atlas.spread(brightness(sources, request.white_of(sources))), 0.4
+        others, done = _other_orders(sources, material.order, request.options, lattice), 0.4
+        gray = atlas.spread(brightness(sources, request.white_of(sources)))
         report = stage(progress, 0.0, done)
-        tried = try_settings(material, gray, sides, request, (height, width), report)
+        tried, order = try_settings(material, others, gray, sides, request, (height, width), report)
         setting = tried[0].name if tried else "varied"
         side, lap = sides[-1] if SETTINGS[setting].coarse else sides[0]
-        request = request.varied(SETTINGS[setting].variation)
+        request = request.varied(
+            SETTINGS[setting].variation, close=order is not None or material.order is None
+        )
+        material = dataclasses.replace(material, order=order)
     placer = material.placer((height, width), request.wraps, request.options, request.rng)
     canvas = placer.canvas
     shown = None if preview is None else Previews(preview, sources, atlas, canvas)
     shape = lay(placer, side, lap, processes, stage(progress, done, 1 - done), shown)
     fits = None if material.order is None else material.order.better_size((height, width), request.wraps)
+    periods = None if material.order is None else material.order.periods.tolist()
     del placer, material, wanted  # a guide takes more memory than the picture
     settings = {"patch": side, "overlap": lap, **request.settings, "flatten": flatten, "level": level}
     settings |= {"shares": parts, "turns": turns, "transparent": transparent}
-    settings |= {"lattice": None if lattice is None else list(lattice)}
+    settings |= {"lattice": periods}
     settings |= {"setting": None if setting == "auto" else setting}
     lift = _light(sources, features, atlas, canvas, level) if level else None
     made = finish(sources, atlas, canvas, shape, settings, request, lift=lift)
     made = dataclasses.replace(made, fits=fits, tried={one.name: one.verdict for one in tried})
     return begun(made) if guide is None else made
+
+
+def _check_turns(turns: Turns, normal: Images | None, lattice: npt.ArrayLike | None, guide: object) -> None:
+    """Refuse what does not turn with the exemplars, and a lattice beside a guide."""
+    check_choice("turns", turns, TURNS)
+    if normal is not None and turns != "none":
+        raise OptionError(
+            "turned patches have normals that point elsewhere; leave out {turns}, or {normal}",
+            kind="conflict",
+            parameter=Term("turns"),
+        )
+    if lattice is not None and (turns != "none" or guide is not None):
+        raise _several(lattice)
 
 
 def _named(
@@ -371,13 +375,39 @@ def _exemplars(
     return sources, level
 
 
-def _order(sources: Sources, options: LayOptions, lattice: Sequence[float] | None) -> Order | None:
+def _order(sources: Sources, options: LayOptions, lattice: npt.ArrayLike | None) -> Order | None:
     """Find the order that patches keep step with, if none is given."""
+    if lattice is not None and len(sources.shapes) > 1:
+        raise _several(lattice)
     if lattice is not None:
         return given_order(lattice)
     if len(sources.shapes) > 1 or not options.close:
         return None
     return find_order(sources.features[0], sources.usable[0])
+
+
+def _several(lattice: npt.ArrayLike) -> OptionError:
+    return OptionError(
+        "{parameter} is that of one exemplar as it lies; leave it out with several ones, {turns} or {guide}",
+        kind="conflict",
+        parameter=Term("lattice"),
+        value=lattice,
+        turns=Term("turns"),
+        guide=Term("guide"),
+    )
+
+
+def _other_orders(
+    sources: Sources, order: Order | None, options: LayOptions, lattice: npt.ArrayLike | None
+) -> list[Order | None]:
+    """List the orders to be tried besides one: one that is guessed, and none."""
+    if lattice is not None or not options.close or len(sources.shapes) > 1:
+        return []
+    guess = likely_order(sources.features[0], sources.usable[0])
+    others: list[Order | None] = (
+        [] if guess is None or (order is not None and order.spans(guess)) else [guess]
+    )
+    return others if order is None else [*others, None]
 
 
 def _light(

@@ -1,4 +1,4 @@
-from .period import STRETCH, Order, find_order, given_order
+from .period import STRETCH, Order, find_order, given_order, likely_order
 from .phase import Phase, closing_size
 
 __all__ = [
@@ -8,4 +8,5 @@ __all__ = [
     "closing_size",
     "find_order",
     "given_order",
+    "likely_order",
 ]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 import numpy.typing as npt
 
@@ -97,7 +95,7 @@ def closing_size(
     source_mask: Images | None = None,
     transparent: bool = False,
     data_range: DataRange = None,
-    lattice: Sequence[float] | None = None,
+    lattice: npt.ArrayLike | None = None,
 ) -> tuple[int, int]:
     """Find the size nearest to one wished for on which an ordered texture repeats without being stretched.
 
@@ -120,7 +118,7 @@ def closing_size(
         Whether opacity is part of the texture, as for :func:`toposeam.synthesize`.
     data_range : float, optional
         The value that counts as white, as for :func:`toposeam.synthesize`.
-    lattice : sequence of float, optional
+    lattice : array_like, optional
         Instead of the order that is found, as for :func:`toposeam.synthesize`.
 
     Returns

@@ -91,9 +91,10 @@ class TextureRequest:
             data_range=data_range,
         )
 
-    def varied(self, variation: float) -> TextureRequest:
-        """Return the request with the options that a variation stands for."""
-        return replace(self, options=varied(self.options, variation))
+    def varied(self, variation: float, *, close: bool | None = None) -> TextureRequest:
+        """Return the request with the options that a variation stands for, and order kept or not."""
+        close = self.options.close if close is None else self.options.close and close
+        return replace(self, options=replace(varied(self.options, variation), close=close))
 
     @property
     def wraps(self) -> tuple[bool, bool]:

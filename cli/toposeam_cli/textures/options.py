@@ -413,14 +413,18 @@ class Destinations:
 def summary(output: Path, made: ts.texture.Synthesis) -> dict[str, Any]:
     """Return the summary of a texture for JSON."""
     height, width = made.labels.shape
-    setting = {"setting": made.settings["setting"]} if "setting" in made.settings else {}
+    grown: dict[str, Any] = {
+        name: made.settings[name] for name in ("setting", "lattice") if name in made.settings
+    }
+    if grown.get("lattice") is not None:
+        grown["lattice"] = [[round(x, 2), round(y, 2)] for y, x in grown["lattice"]]
     tried = {name: None if verdict is None else verdict.summary() for name, verdict in made.tried.items()}
     return {
         "output": str(output),
         "size": [width, height],
         "patches": made.count,
         "patch": list(made.patch[::-1]),
-        **setting,
+        **grown,
         **made.verdict.summary(),
         **({"tried": tried} if tried else {}),
     }

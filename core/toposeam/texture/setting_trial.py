@@ -3,8 +3,8 @@
 No one setting does for all textures. Small patches that have to show all of the sample cut what is large or
 ordered; large ones that fit best repeat what is small. What decides is the number of visible joints, against
 the steps that the sample has itself, and how much of the sample shows: less than random pixels would show
-counts against a texture, unless the sample repeats itself anyway. Where there are objects on a ground, joints
-within them count as well.
+counts against a texture, and so does that only what fits best is taken, unless the sample repeats itself
+anyway. Where there are objects on a ground, joints within them count as well.
 """
 
 from __future__ import annotations
@@ -57,6 +57,8 @@ _HALF_WAY, _HOPELESS = 0.5, 0.5
 #: Of the part of the sample that as many random pixels would show, this share should show. Cost of each
 #: further share of the sample that does not, in the unit of the logarithm of joints.
 _SHOWN, _UNSHOWN_COST = 0.85, 5.0
+#: What it costs that only what fits best is taken.
+_REPEATING = 0.5
 #: By how much a texture that keeps an order may cost more than one that does not.
 _DOUBT = 0.1
 #: Largest likeness of the sample with itself far away at which repeating it is a fault, and what is far, as a
@@ -120,7 +122,7 @@ def try_settings(
     names = [name for name in SETTINGS if len(patches) > SETTINGS[name].coarse]
     part = 1 / (len(names) + 1)
 
-    def attempt(name: SettingName, material: Material, best: float, start: float) -> Tried | None:
+    def attempt(name: SettingName, material: Material, best: float, report: Report | None) -> Tried | None:
         patch, overlap = (max(length // factor, 2) for length in patches[SETTINGS[name].coarse])
         patch = max(patch, SMALLEST_PATCH)
         if not whole(small.atlas.copied, (min(patch, shape[0]), min(patch, shape[1]))).any():
@@ -131,31 +133,42 @@ def try_settings(
         # Where there are objects, those that are cut are made whole in the end.
         watching = judge.watching(placer.canvas, best) if placer.guard is None else None
         try:
-            lay(placer, patch, overlap, progress=stage(progress, start, part), shown=watching)
+            lay(placer, patch, overlap, progress=report, shown=watching)
         except _HopelessError:
             return Tried(name, None, math.inf)
         verdict = judge.verdict(placer.canvas)
-        return Tried(name, verdict, judge.cost(verdict, placer.canvas.index.size))
+        repeats = SETTINGS[name].variation == 0
+        return Tried(name, verdict, judge.cost(verdict, placer.canvas.index.size, repeats=repeats))
 
     tried: list[Tried] = []
     for number, name in enumerate(names):
-        one = attempt(name, small, min((each.cost for each in tried), default=math.inf), number * part)
+        best_cost = min((each.cost for each in tried), default=math.inf)
+        one = attempt(name, small, best_cost, stage(progress, number * part, part))
         tried += [] if one is None else [one]
     tried.sort(key=lambda one: one.cost)
     if not tried:
         return tried, material.order
     best, order = tried[0], material.order
-    for other in others:
+    for number, other in enumerate(others):
         scaled = None if other is None else other.scaled(factor)
-        again = attempt(best.name, dataclasses.replace(small, order=scaled), math.inf, 1 - part)
+        report = stage(progress, 1 - part * (1 - number / len(others)), part / len(others))
+        again = attempt(best.name, dataclasses.replace(small, order=scaled), math.inf, report)
         doubt = _DOUBT * ((other is not None) - (order is not None))
         if again is not None and again.cost <= best.cost + doubt:
             best, order = again, other
     return [best, *tried[1:]], order
 
 
-def brightness(sources: Sources, white: float) -> list[Floats32]:
-    """Compute the brightness of exemplars, (H, W, 1) each, as a share of white."""
+def brightness(sources: Sources, white: float, *, levelled: bool) -> list[Floats32]:
+    """Compute the brightness of exemplars, (H, W, 1) each, as a share of white; without slow light where that
+    is levelled, which features have lost.
+    """
+    if levelled and sources.own_features:
+        scale = np.float32(1 / (np.sqrt(sources.compared[0][1]) * sources.own_features))
+        return [
+            scale * values[..., : sources.own_features].sum(axis=2, keepdims=True)
+            for values in sources.features
+        ]
     share = np.float32(1 / white)
     return [image.mean(axis=2, keepdims=True, dtype=np.float32) * share for image in sources.planes[0]]
 
@@ -190,11 +203,14 @@ class _Judge:
         laid = int(np.count_nonzero(canvas.index >= 0))
         return steps.verdict(self._busy, laid, canvas.shown(self._atlas.copied), objects=self._objects)
 
-    def cost(self, verdict: JointVerdict, laid: int) -> float:
-        """Weigh joints and what of the sample does not show, given the number of pixels laid."""
+    def cost(self, verdict: JointVerdict, laid: int, *, repeats: bool) -> float:
+        """Weigh joints and what of the sample does not show, given the number of pixels laid, and whether
+        only what fits best is taken, which repeats the more, the larger a texture is.
+        """
         expected = _SHOWN * (1 - math.exp(-laid / np.count_nonzero(self._atlas.copied)))
         missing = max(0.0, expected - (verdict.shown or 0.0))
-        return _joint_cost(verdict) + _UNSHOWN_COST * missing * max(0.0, 1 - self._order / _ORDERED)
+        faults = _UNSHOWN_COST * missing + _REPEATING * repeats
+        return _joint_cost(verdict) + faults * max(0.0, 1 - self._order / _ORDERED)
 
     def watching(self, canvas: IndexCanvas, best: float) -> Report:
         """Make a report that gives a texture up, half-way, if it has many more joints than the best."""

@@ -237,7 +237,7 @@ def synthesize(
     done = 0.0
     if setting == "auto" and not (named or transparent or wanted):
         others, done = _other_orders(sources, material.order, request.options, lattice), 0.4
-        gray = atlas.spread(brightness(sources, request.white_of(sources)))
+        gray = atlas.spread(brightness(sources, request.white_of(sources), levelled=level is True))
         report = stage(progress, 0.0, done)
         tried, order = try_settings(material, others, gray, sides, request, (height, width), report)
         setting = tried[0].name if tried else "varied"

@@ -337,6 +337,7 @@ def test_the_line_names_the_setting_that_was_chosen(toposeam):
         "patches",
         "patch",
         "setting",
+        "lattice",
         "joints",
         "shown",
         "look_at",

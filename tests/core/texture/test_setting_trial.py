@@ -40,7 +40,8 @@ def test_bad_ones_are_given_up(grown):
 
 
 def test_a_setting_that_is_named_is_not_tried(grown):
-    named = ts.synthesize(windows(), 300, level=False, setting=grown.settings["setting"])
+    given = {name: grown.settings[name] for name in ("setting", "lattice", "close")}
+    named = ts.synthesize(windows(), 300, level=False, **given)
     assert named.tried == {}
     assert (named.image == grown.image).all()
     again = ts.synthesize(windows(), 300, level=False)

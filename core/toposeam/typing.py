@@ -33,6 +33,9 @@ PROJECTIONS: tuple[Projection, ...] = get_args(Projection)
 #: How samples of a texture are turned: as they are; mirrored left to right as well; turned by quarters; both.
 Turns = Literal["none", "mirror", "quarters", "all"]
 TURNS: tuple[Turns, ...] = get_args(Turns)
+#: How a texture is grown: the setting that is judged to be best, or a named one.
+Setting = Literal["auto", "coarse", "coarse-mixed", "fine", "fine-mixed", "varied"]
+SETTINGS: tuple[Setting, ...] = get_args(Setting)
 #: What fills a hole.
 By = Literal["auto", "patches", "shifts"]
 BYS: tuple[By, ...] = get_args(By)
@@ -51,6 +54,7 @@ __all__ = [
     "MODELS",
     "MOST_BENT",
     "PROJECTIONS",
+    "SETTINGS",
     "SIDES",
     "SURFACE_METHODS",
     "TURNS",
@@ -61,6 +65,7 @@ __all__ = [
     "Method",
     "Model",
     "Projection",
+    "Setting",
     "Side",
     "SurfaceMethod",
     "Turns",

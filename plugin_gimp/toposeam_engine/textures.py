@@ -41,6 +41,8 @@ def synthesize(job: EngineJob) -> dict[str, Any]:
 def synthesized(job: EngineJob) -> ts.texture.Synthesis:
     """Compute the texture of a request."""
     sample, options = _sample(job), _usual(job.options, "patch", "overlap")
+    if options.get("setting", "auto") != "auto":
+        options["patch"] = None  # its field is insensitive
     return ts.synthesize(
         sample.image,
         (options.pop("height"), options.pop("width")),

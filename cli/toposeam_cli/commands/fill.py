@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import click
@@ -21,6 +22,7 @@ from toposeam_cli.textures.options import (
     read_one,
     result_options,
     search_options,
+    summary,
 )
 
 
@@ -135,6 +137,8 @@ def fill(
             **search.keywords(),
         )
     goes.write(made, picture, maps)
-    if not results.quiet:
+    if results.as_json:
+        say(json.dumps(summary(output, made), indent=2), lines=True)
+    elif not results.quiet:
         pieces = counted(made.count, "patch" if made.settings["by"] == "patches" else "shift")
-        say(f"{output}: {made.settings['pixels']} px replaced by {pieces}")
+        say(f"{output}: {made.settings['pixels']} px replaced by {pieces}, {made.verdict}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -31,6 +32,7 @@ from toposeam_cli.media.pictures.picture import Picture, check_size, read_pictur
 from toposeam_cli.textures.maps import Maps, white_of
 from toposeam_cli.textures.options import (
     Destinations,
+    LatticeType,
     Patches,
     Results,
     Search,
@@ -40,6 +42,7 @@ from toposeam_cli.textures.options import (
     read_sources,
     result_options,
     search_options,
+    summary,
 )
 
 
@@ -96,7 +99,18 @@ _GUIDE = (
 
 @click.command(
     cls=Command,
-    everyday=["output", "size", "tileable", "seed", "normal", "patch", "variation", "seams", "force"],
+    everyday=[
+        "output",
+        "size",
+        "tileable",
+        "seed",
+        "setting",
+        "normal",
+        "patch",
+        "variation",
+        "seams",
+        "force",
+    ],
 )
 @click.argument("sources", metavar="SOURCE...", type=FILE, nargs=-1, required=True)
 @option(
@@ -130,6 +144,22 @@ _GUIDE = (
     default="none",
     show_default=True,
     help="Also take patches mirrored left to right, turned by quarters, or both; not with --normal.",
+)
+@option(
+    "--setting",
+    heading="Texture",
+    type=click.Choice(ts.typing.SETTINGS),
+    default="auto",
+    show_default=True,
+    help="Patches of a few elements (fine) or half as large as SOURCE (coarse); those that fit best, mixed "
+    "or varied. auto: the best of small trials. Instead of --patch and --variation.",
+)
+@option(
+    "--lattice",
+    heading="Texture",
+    type=LatticeType(),
+    help="The periods at which SOURCE repeats itself, across and down, px, 0 for none, and how far each row "
+    "is shifted, like 64x48 or 80x24,40; by default the order that is seen, if any.",
 )
 @option(
     "--variation",
@@ -198,6 +228,8 @@ def synth(
     patches: Patches,
     tileable: ts.texture.Tileable,
     turns: ts.typing.Turns,
+    setting: ts.typing.Setting,
+    lattice: tuple[float, ...] | None,
     variation: float | None,
     source: tuple[Path, ...],
     shares: tuple[float, ...] | None,
@@ -248,7 +280,7 @@ def synth(
     ]
     wanted = size
     if isinstance(size, AutoSize):
-        size = _closing_size(size, pictures, copied, tileable, transparent)
+        size = _closing_size(size, pictures, copied, tileable, transparent, lattice)
         check_size(output, *size)
     with (
         share_bar(f"growing {output.name}", results.quiet) as progress,
@@ -259,6 +291,8 @@ def synth(
             size[::-1],
             tileable=tileable,
             turns=turns,
+            setting=setting,
+            lattice=lattice,
             variation=variation,
             alpha=alphas(pictures),
             source_mask=copied or None,
@@ -273,13 +307,16 @@ def synth(
             **maps.keywords(pictures[0], search.weights),
             **guided.read(results.max_pixels),
             **patches.keywords(),
-            **search.keywords(variation is not None),
+            **search.keywords(_instead(setting, variation)),
         )
     dataclasses.replace(goes, preview=None).write(made, pictures[0], maps)
-    if not results.quiet:
+    if results.as_json:
+        say(json.dumps(summary(output, made), indent=2), lines=True)
+    elif not results.quiet:
+        named = made.settings["setting"]
         say(
             f"{output}: {size[0]} × {size[1]} px, {counted(made.count, 'patch')} of {made.patch[1]} × "
-            f"{made.patch[0]} px"
+            f"{made.patch[0]} px{f', setting {named}' if named else ''}, {made.verdict}"
         )
         if made.fits is not None and not isinstance(wanted, AutoSize):
             height, width = made.fits
@@ -287,6 +324,13 @@ def synth(
                 f"its order was stretched to close; a size that suits it is {width} × {height} px (--size "
                 f"auto:{size[0]}x{size[1]})"
             )
+
+
+def _instead(setting: ts.typing.Setting, variation: float | None) -> str | None:
+    """Return the option that stands for the choice of patches."""
+    if setting != "auto":
+        return "--setting"
+    return None if variation is None else "--variation"
 
 
 @contextmanager
@@ -316,6 +360,7 @@ def _closing_size(
     copied: list[np.ndarray],
     tileable: ts.texture.Tileable,
     transparent: bool,
+    lattice: tuple[float, ...] | None,
 ) -> tuple[int, int]:
     """Return the width and height at which the first source's regular pattern closes, near the wished size or
     else near twice the source's.
@@ -330,6 +375,7 @@ def _closing_size(
         source_mask=copied[0] if copied else None,
         transparent=transparent,
         data_range=white_of(pictures[0]),
+        lattice=lattice,
     )
     return found[1], found[0]
 

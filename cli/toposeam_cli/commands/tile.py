@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from functools import partial
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from toposeam_cli.textures.options import (
     read_one,
     result_options,
     search_options,
+    summary,
 )
 
 
@@ -110,11 +112,13 @@ def tile(
             **search.keywords(),
         )
     goes.write(made, picture, maps)
-    if not results.quiet:
+    if results.as_json:
+        say(json.dumps(summary(output, made), indent=2), lines=True)
+    elif not results.quiet:
         height, width = made.labels.shape
         say(
             f"{output}: {width} × {height} px, {counted(made.count, 'patch')} in a band of "
-            f"{made.settings['band']} px"
+            f"{made.settings['band']} px, {made.verdict}"
         )
         if cropped:
             say("cropped to where its order closes (--size keep: not)")

@@ -12,6 +12,7 @@ from typing import Any
 import click
 import numpy as np
 import numpy.typing as npt
+from click.core import ParameterSource
 
 import toposeam as ts
 from toposeam_cli.app.command import option
@@ -51,6 +52,34 @@ class PatchType(click.ParamType):  # type: ignore[type-arg]
         if isinstance(value, str) and not re.fullmatch(r"\d{1,9}", value):
             self.fail(f"{value!r} is not a patch size; write pixels, like 40, or auto", param, ctx)
         return int(value)
+
+
+class LatticeType(click.ParamType):  # type: ignore[type-arg]
+    """Periods across and down and a shift of rows, as core takes them: down, right, shift."""
+
+    name = "WIDTHxHEIGHT[,SHIFT]"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[float, ...]:
+        """Parse the text."""
+        if isinstance(value, tuple):
+            return value
+        number = r"(\d{1,6}(?:\.\d{1,6})?)"
+        found = re.fullmatch(rf"{number}x{number}(?:,(-?{number[1:-1]}))?", str(value).strip())
+        if found is None:
+            self.fail(
+                f"{value!r} is no lattice; write its periods across and down, px, and how far each row is "
+                "shifted, like 64x48 or 80x24,40",
+                param,
+                ctx,
+            )
+        right, down, shift = found.groups()
+        return (float(down), float(right)) if shift is None else (float(down), float(right), float(shift))
+
+
+#: What a variation, and a setting, stand for.
+VARIED = ("tolerance", "candidates", "most", "variety")
 
 
 class WeightsType(click.ParamType):  # type: ignore[type-arg]
@@ -109,24 +138,29 @@ class Search:
     variety: float
     method: ts.typing.Method
 
-    def keywords(self, varied: bool = False) -> dict[str, Any]:
-        """Return the keywords common to ``synthesize``, ``make_tileable`` and ``fill``. With `varied` set,
-        the options that it replaces must not be given.
+    def keywords(self, instead: str | None = None) -> dict[str, Any]:
+        """Return the keywords common to ``synthesize``, ``make_tileable`` and ``fill``.
+
+        Parameters
+        ----------
+        instead : str, optional
+            The option that stands for the choice of patches; what it replaces must not be given.
         """
-        lay = ("tolerance", "candidates", "context", "most", "variety", "method")
-        if varied:
-            every = {str(option.name) for option in click.get_current_context().command.params}
-            refuse_besides("--variation", every - set(lay[:2] + lay[3:5]), "it stands for that as well")
-            return {
-                "seed": self.seed,
-                "smooth": self.smooth,
-                "context": self.context,
-                "method": self.method,
-            }
+        context = click.get_current_context()
+        if instead is not None:
+            every = {str(option.name) for option in context.command.params}
+            refuse_besides(instead, every - set(VARIED), "it stands for that as well")
+        given = {
+            name: getattr(self, name)
+            for name in VARIED
+            if instead is None and context.get_parameter_source(name) is not ParameterSource.DEFAULT
+        }
         return {
             "seed": self.seed,
             "smooth": self.smooth,
-            "options": ts.texture.LayOptions(**{name: getattr(self, name) for name in lay}),
+            "context": self.context,
+            "method": self.method,
+            **given,
         }
 
 
@@ -138,6 +172,7 @@ class Results:
     labels: Path | None
     coordinates: Path | None
     max_megapixels: float
+    as_json: bool
     force: bool
     quiet: bool
 
@@ -288,6 +323,13 @@ _RESULTS: tuple[Callable[[Any], Any], ...] = (
         show_default=True,
         help="Refuse larger pictures; the search for patches takes about 30 bytes a pixel.",
     ),
+    option(
+        "--json",
+        "as_json",
+        heading="Output",
+        is_flag=True,
+        help="Print what was made, and how visible joints are, as JSON.",
+    ),
     force_option,
     quiet_option,
 )
@@ -366,6 +408,26 @@ class Destinations:
             pixels = np.tile(made.image, (3, 3, 1)[: made.image.ndim])
             alpha = None if made.alpha is None else np.tile(made.alpha, (3, 3))
             write_picture(self.preview, dataclasses.replace(picture, pixels=pixels, alpha=alpha), self.force)
+
+
+def summary(output: Path, made: ts.texture.Synthesis) -> dict[str, Any]:
+    """Return the summary of a texture for JSON."""
+    height, width = made.labels.shape
+    grown: dict[str, Any] = {
+        name: made.settings[name] for name in ("setting", "lattice") if name in made.settings
+    }
+    if grown.get("lattice") is not None:
+        grown["lattice"] = [[round(x, 2), round(y, 2)] for y, x in grown["lattice"]]
+    tried = {name: None if verdict is None else verdict.summary() for name, verdict in made.tried.items()}
+    return {
+        "output": str(output),
+        "size": [width, height],
+        "patches": made.count,
+        "patch": list(made.patch[::-1]),
+        **grown,
+        **made.verdict.summary(),
+        **({"tried": tried} if tried else {}),
+    }
 
 
 def coordinate_picture(made: ts.texture.Synthesis) -> npt.NDArray[np.uint16]:

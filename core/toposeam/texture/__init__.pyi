@@ -1,16 +1,20 @@
 from .canvas.synthesis import Synthesis, apply_coordinates
 from .canvas.tileable import TILEABLE, Tileable
+from .canvas.visible_joints import JointVerdict
 from .exemplar.scale import natural_patch
 from .exemplar.turns import TURNS
 from .fill import BYS
 from .light.slow_light import flatten_light
 from .periodicity.phase import closing_size
 from .placement.options import LayOptions
+from .setting_trial import SETTINGS
 
 __all__ = [
     "BYS",
+    "SETTINGS",
     "TILEABLE",
     "TURNS",
+    "JointVerdict",
     "LayOptions",
     "Synthesis",
     "Tileable",

@@ -196,7 +196,7 @@ def _by_shifts(
         added = levelled(plane, atlas.usable, canvas.index[box], near[box], white)
         lift = partial(_lift, added, (float(low), float(high)))
     height, width = (side.stop - side.start for side in box_of(near))
-    return finish(holed.sources, atlas, canvas, (height, width), settings, request.smooth, near, lift)
+    return finish(holed.sources, atlas, canvas, (height, width), settings, request, near, lift)
 
 
 def _by_patches(
@@ -227,7 +227,7 @@ def _by_patches(
         if progress is not None:
             progress(1 - int(((canvas.index < 0) & hole).sum()) / settings["pixels"])
     settings |= {"patch": side, "overlap": lap, "band": band}
-    return finish(sources, atlas, canvas, (side, side), settings, request.smooth, near)
+    return finish(sources, atlas, canvas, (side, side), settings, request, near)
 
 
 def _stitched(

@@ -22,31 +22,27 @@ from toposeam.checks import (
 from toposeam.errors import ImageError, OptionError, Term
 from toposeam.texture.assemble_result import finish
 from toposeam.texture.canvas.index_canvas import IndexCanvas
-from toposeam.texture.canvas.progress import Previews, stage, together
+from toposeam.texture.canvas.progress import Previews, stage
 from toposeam.texture.canvas.synthesis import Synthesis
 from toposeam.texture.canvas.tileable import Tileable
 from toposeam.texture.exemplar.atlas import Atlas
 from toposeam.texture.exemplar.mirror_narrow import widened
-from toposeam.texture.exemplar.scale import SMALLEST_PATCH, patch_for
+from toposeam.texture.exemplar.patch_search import whole
+from toposeam.texture.exemplar.scale import SMALLEST_PATCH, coarse_patch, patch_for
 from toposeam.texture.exemplar.sources import DataRange, Images, Sources, check_varied
 from toposeam.texture.exemplar.turns import TURNS, Turns, count_of, turned_sources
 from toposeam.texture.guide import guide_of, patch_within
 from toposeam.texture.light.seam_easing import EasedLight, Level, level_for
 from toposeam.texture.light.slow_light import CopyLight, flattened, levelled_copies, without_light
-from toposeam.texture.objects.object_exchange import make_objects_whole
-from toposeam.texture.periodicity.period import STRETCH, find_order
-from toposeam.texture.periodicity.phase import Phase
-from toposeam.texture.placement.options import LayKeywords, LayOptions
-from toposeam.texture.placement.patch_placer import PatchPlacer
+from toposeam.texture.material import Material, lay
+from toposeam.texture.periodicity.period import Order, find_order, given_order, likely_order
+from toposeam.texture.placement.options import VARIED, LayKeywords, LayOptions
 from toposeam.texture.placement.request import TextureRequest
-from toposeam.texture.repair.seam_mending import mend
-from toposeam.texture.scheduling.process_pool import MAX_PROCESSES, Crew
-from toposeam.texture.scheduling.raster import lay_all, patches_on, shape_on
+from toposeam.texture.scheduling.process_pool import MAX_PROCESSES
+from toposeam.texture.scheduling.raster import patches_along
+from toposeam.texture.setting_trial import SETTINGS, Tried, brightness, try_settings
 from toposeam.texture.tile_origin import begun
-
-#: Largest number of objects that are replaced, per patch laid: the processes' shared memory has room for no
-#: more patches.
-_MAX_REPLACEMENTS = 64
+from toposeam.typing import Setting
 
 
 def synth(
@@ -58,7 +54,9 @@ def synth(
     seed: Seed = 0,
     tileable: Tileable = "none",
     turns: Turns = "none",
+    setting: Setting = "auto",
     variation: float | None = None,
+    lattice: npt.ArrayLike | None = None,
     alpha: Images | None = None,
     transparent: bool = False,
     source_mask: Images | None = None,
@@ -105,10 +103,22 @@ def synth(
         Whether patches are also taken from the exemplars mirrored left to right, turned by quarters, or both:
         for gravel and leaves, which have no upper side. The light turns with them; values do not, so that it
         cannot be combined with `normal`. :attr:`Synthesis.exemplar` counts every position as an exemplar.
+    setting : {"auto", "coarse", "coarse-mixed", "fine", "fine-mixed", "varied"}
+        How large patches are (fine: by the size of elements; coarse: half of the exemplar's shorter side) and
+        which are taken: those that fit best (a `variation` of 0), mixed (0.25) or varied (0.5). By default
+        each is tried on a small texture, and the one of fewest visible joints that shows enough of the
+        exemplars is taken (:mod:`toposeam.texture.setting_trial`), unless `patch`, `variation`, one of the
+        options that this stands for, `options` or `guide` is given, or `transparent`: then it is varied.
     variation : float, optional
         From 0, where every patch fits as well as any can, whatever that repeats, to 1, where all of the
         sample shows about equally often, whatever that costs at the seams; the usual choice is 0.5. Stands
         for the options `tolerance`, `candidates`, `most` and `variety`.
+    lattice : (float, float), (float, float, float) or (n, 2) array_like, optional
+        The periods, px, at which the exemplar repeats itself downwards and to the right, 0 where it does not,
+        and by how much each row is shifted to the right, as of bricks; or one or two shifts, (n, 2). Patches
+        keep step with it; by default with the order that is found, if any, which takes three or more periods,
+        or that of fewer periods that is guessed where settings are tried, if that does as well. For one
+        exemplar, not turned, without a guide.
     alpha, source_mask : (H, W) array_like, or a list with one per exemplar
         Opacity, which is laid with the patches, and what may be copied; by default whatever has an opacity
         above 0.
@@ -182,6 +192,7 @@ def synth(
     check_function("preview", preview)
     height, width = _size(size, max_megapixels)
     check_whole("processes", processes, 1, MAX_PROCESSES)
+    named = _named(setting, patch, variation, options, given_options)
     request = TextureRequest.of(
         "synth",
         options,
@@ -194,22 +205,17 @@ def synth(
         weights=weights,
         data_range=data_range,
         tileable=tileable,
-        variation=variation,
+        variation=variation if setting == "auto" else SETTINGS[setting].variation,
     )
-    check_choice("turns", turns, TURNS)
-    if normal is not None and turns != "none":
-        raise OptionError(
-            "turned patches have normals that point elsewhere; leave out {turns}, or {normal}",
-            kind="conflict",
-            parameter=Term("turns"),
-        )
+    _check_turns(turns, normal, lattice, guide)
     read, level = _exemplars(
         request, widened(source), widened(source_mask), flatten, level, transparent, guided=guide is not None
     )
-    parts, chosen, wraps = _shares(shares, len(read.shapes)), request.options, request.wraps
+    parts = _shares(shares, len(read.shapes))
     sources = turned_sources(read, turns)
-    side, lap = check_patch(sources, patch, overlap)
-    atlas = Atlas.of(sources.present, chosen.context, sources.usable)
+    sides = _sides(sources, patch, overlap)
+    side, lap = sides[-1] if setting != "auto" and SETTINGS[setting].coarse else sides[0]
+    atlas = Atlas.of(sources.present, request.options.context, sources.usable)
     if level is True:
         even = tuple(map(without_light, sources.features, sources.present, sources.usable))
         sources = dataclasses.replace(sources, features=even)
@@ -217,62 +223,122 @@ def synth(
     wanted = guide_of(guide, widened(guide_source), guide_weight, atlas, sources, (height, width), turns)
     if wanted is not None and patch is None and guide_weight:
         side, lap = check_patch(sources, patch_within(wanted, side), overlap)
-    overlap = lap
-    ordered = wanted is None and chosen.close
-    phase, fits = _phase(sources, (height, width), wraps, atlas.factor) if ordered else (None, None)
-    canvas = IndexCanvas((height, width), wraps, atlas.usable.size)
-    placer = PatchPlacer(
-        atlas,
-        features,
-        canvas,
-        chosen,
-        request.rng,
-        height * width,
-        wanted,
-        phase,
-        None if parts is None else np.repeat(parts, count_of(turns)).tolist(),
-        turns,
-        level is True,
+    material = Material(
+        atlas=atlas,
+        features=features,
+        order=_order(sources, request.options, lattice) if wanted is None else None,
+        guide=wanted,
+        shares=None if parts is None else np.repeat(parts, count_of(turns)).tolist(),
+        turns=turns,
+        levelled=level is True,
     )
-    shape = shape_on(canvas, side, overlap)
-    if not placer.ranking.search.room(shape).any():
-        smaller = "" if patch is None else "smaller patches or "
-        room = {"width": shape[1], "height": shape[0], "smaller": smaller}
-        if source_mask is not None:
-            raise ImageError(
-                "no place in {mask} has room for a patch of {width} × {height} px; use {smaller}a "
-                "larger mask",
-                kind="no room",
-                mask=Term("source_mask", "the mask"),
-                **room,
-            )
+    sized, masked = patch is not None, source_mask is not None
+    _check_room(atlas, (height, width), request, (side, lap), sized=sized, masked=masked)
+    tried: list[Tried] = []
+    done = 0.0
+    if setting == "auto" and not (named or transparent or wanted):
+        others, done = _other_orders(sources, material.order, request.options, lattice), 0.4
+        gray = atlas.spread(brightness(sources, request.white_of(sources), levelled=level is True))
+        report = stage(progress, 0.0, done)
+        tried, order = try_settings(material, others, gray, sides, request, (height, width), report)
+        setting = tried[0].name if tried else "varied"
+        side, lap = sides[-1] if SETTINGS[setting].coarse else sides[0]
+        request = request.varied(
+            SETTINGS[setting].variation, close=order is not None or material.order is None
+        )
+        material = dataclasses.replace(material, order=order)
+    placer = material.placer((height, width), request.wraps, request.options, request.rng)
+    canvas = placer.canvas
+    shown = None if preview is None else Previews(preview, sources, atlas, canvas)
+    shape = lay(placer, side, lap, processes, stage(progress, done, 1 - done), shown)
+    fits = None if material.order is None else material.order.better_size((height, width), request.wraps)
+    periods = None if material.order is None else material.order.periods.tolist()
+    del placer, material, wanted  # a guide takes more memory than the picture
+    settings = {"patch": side, "overlap": lap, **request.settings, "flatten": flatten, "level": level}
+    settings |= {"shares": parts, "turns": turns, "transparent": transparent}
+    settings |= {"lattice": periods}
+    settings |= {"setting": None if setting == "auto" else setting}
+    lift = _light(sources, features, atlas, canvas, level) if level else None
+    made = finish(sources, atlas, canvas, shape, settings, request, lift=lift)
+    made = dataclasses.replace(made, fits=fits, tried={one.name: one.verdict for one in tried})
+    return begun(made) if guide is None else made
+
+
+def _check_turns(turns: Turns, normal: Images | None, lattice: npt.ArrayLike | None, guide: object) -> None:
+    """Refuse what does not turn with the exemplars, and a lattice beside a guide."""
+    check_choice("turns", turns, TURNS)
+    if normal is not None and turns != "none":
+        raise OptionError(
+            "turned patches have normals that point elsewhere; leave out {turns}, or {normal}",
+            kind="conflict",
+            parameter=Term("turns"),
+        )
+    if lattice is not None and (turns != "none" or guide is not None):
+        raise _several(lattice)
+
+
+def _named(
+    setting: Setting,
+    patch: int | None,
+    variation: float | None,
+    options: LayOptions | None,
+    given: LayKeywords,
+) -> bool:
+    """Check a setting; test whether something that it stands for is given."""
+    check_choice("setting", setting, ("auto", *SETTINGS))
+    own: dict[str, Any] = {"patch": patch, "variation": variation, "options": options, **given}
+    refused = [name for name in ("patch", "variation", "options", *VARIED) if own.get(name) is not None]
+    if refused and setting != "auto":
+        raise OptionError(
+            "{parameter} stands for how large patches are and which are taken; leave out {refused}, or "
+            "{parameter}",
+            kind="conflict",
+            parameter=Term("setting"),
+            value=setting,
+            refused=tuple(map(Term, refused)),
+        )
+    return bool(refused)
+
+
+def _sides(sources: Sources, patch: int | None, overlap: float | None) -> list[tuple[int, int]]:
+    """Choose side and overlap, px, of fine patches, and of coarse ones where these are larger."""
+    sides = [check_patch(sources, patch, overlap)]
+    coarse = coarse_patch(sources.usable, sources.shapes)
+    if patch is None and coarse > sides[0][0]:
+        sides.append(check_patch(sources, coarse, overlap))
+    return sides
+
+
+def _check_room(
+    atlas: Atlas,
+    size: tuple[int, int],
+    request: TextureRequest,
+    patch: tuple[int, int],
+    *,
+    sized: bool,
+    masked: bool,
+) -> None:
+    """Refuse patches, given by side and overlap, that have room nowhere in the exemplars."""
+    height, width = (
+        patches_along(length, *patch, wraps)[0] for length, wraps in zip(size, request.wraps, strict=True)
+    )
+    if whole(atlas.copied, (height, width)).any():
+        return
+    room = {"width": width, "height": height, "smaller": "smaller patches or " if sized else ""}
+    if masked:
         raise ImageError(
-            "no place that shows has room for a patch of {width} × {height} px; use {smaller}an exemplar "
-            "with fewer holes, or {transparent} where holes are part of it",
-            kind="no opaque room",
-            transparent=Term("transparent", value=True),
+            "no place in {mask} has room for a patch of {width} × {height} px; use {smaller}a larger mask",
+            kind="no room",
+            mask=Term("source_mask", "the mask"),
             **room,
         )
-    count = patches_on(canvas, side, overlap)
-    tries = round(chosen.mend * count)
-    most = count + tries + _MAX_REPLACEMENTS * count
-    shown = None if preview is None else Previews(preview, sources, atlas, canvas)
-    with Crew(processes, placer, lambda: canvas.share(most)) as crew:
-        lay_all(placer, side, overlap, crew, together(shown, stage(progress, 0.0, 0.9)))
-        if placer.guard is None:
-            mend(placer, shape, tries, crew, stage(progress, 0.9, 0.1))
-        elif chosen.mend:  # where seams are bad they cut objects, and those are replaced
-            make_objects_whole(placer, shape, crew, most)
-        crew.dismiss()
-        if progress is not None:
-            progress(1.0)
-        del placer, wanted  # a guide takes more memory than the picture
-        settings = {"patch": side, "overlap": overlap, **request.settings, "flatten": flatten, "level": level}
-        settings |= {"shares": parts, "turns": turns, "transparent": transparent}
-        lift = _light(sources, features, atlas, canvas, level) if level else None
-        made = finish(sources, atlas, canvas, shape, settings, request.smooth, lift=lift)
-        made = dataclasses.replace(made, fits=fits)
-        return begun(made) if guide is None else made
+    raise ImageError(
+        "no place that shows has room for a patch of {width} × {height} px; use {smaller}an exemplar "
+        "with fewer holes, or {transparent} where holes are part of it",
+        kind="no opaque room",
+        transparent=Term("transparent", value=True),
+        **room,
+    )
 
 
 def _exemplars(
@@ -310,18 +376,39 @@ def _exemplars(
     return sources, level
 
 
-def _phase(
-    sources: Sources, size: tuple[int, int], wraps: tuple[bool, bool], factor: int
-) -> tuple[Phase | None, tuple[int, int] | None]:
-    """Find the order that patches keep step with, and a size near by on which it closes better."""
-    if len(sources.shapes) > 1:
-        return None, None
-    order = find_order(sources.features[0], sources.usable[0])
-    if order is None:
-        return None, None
-    closed, stretch = order.fitted(size, wraps)
-    phase = Phase(order, closed, factor) if stretch <= STRETCH else None
-    return phase, order.better_size(size, wraps)
+def _order(sources: Sources, options: LayOptions, lattice: npt.ArrayLike | None) -> Order | None:
+    """Find the order that patches keep step with, if none is given."""
+    if lattice is not None and len(sources.shapes) > 1:
+        raise _several(lattice)
+    if lattice is not None:
+        return given_order(lattice)
+    if len(sources.shapes) > 1 or not options.close:
+        return None
+    return find_order(sources.features[0], sources.usable[0])
+
+
+def _several(lattice: npt.ArrayLike) -> OptionError:
+    return OptionError(
+        "{parameter} is that of one exemplar as it lies; leave it out with several ones, {turns} or {guide}",
+        kind="conflict",
+        parameter=Term("lattice"),
+        value=lattice,
+        turns=Term("turns"),
+        guide=Term("guide"),
+    )
+
+
+def _other_orders(
+    sources: Sources, order: Order | None, options: LayOptions, lattice: npt.ArrayLike | None
+) -> list[Order | None]:
+    """List the orders to be tried besides one: one that is guessed, and none."""
+    if lattice is not None or not options.close or len(sources.shapes) > 1:
+        return []
+    guess = likely_order(sources.features[0], sources.usable[0])
+    others: list[Order | None] = (
+        [] if guess is None or (order is not None and order.spans(guess)) else [guess]
+    )
+    return others if order is None else [*others, None]
 
 
 def _light(

@@ -174,9 +174,7 @@ def tile(
         across.append((-band, 0, (2 * band, width)))
     if any(left == -band for _, left, _ in windows):
         across.append((0, -band, (height, 2 * band)))
-    return finish(
-        holed.sources, atlas, canvas, (2 * band, 2 * band), settings, request.smooth, near, windows=across
-    )
+    return finish(holed.sources, atlas, canvas, (2 * band, 2 * band), settings, request, near, windows=across)
 
 
 def _even(request: TextureRequest, image: npt.ArrayLike, *, flatten: bool, level: bool) -> Image:

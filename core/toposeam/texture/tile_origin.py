@@ -51,6 +51,7 @@ def begun(made: Synthesis) -> Synthesis:
         normal=None if made.normal is None else moved(made.normal),
         labels=moved(made.labels),
         index=moved(made.index),
+        verdict=made.verdict.rolled((shift[0], shift[1]), made.labels.shape),
     )
 
 

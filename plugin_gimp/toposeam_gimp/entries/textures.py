@@ -16,10 +16,11 @@ _PATCH = number(
     "patch",
     _("_Patch (px)"),
     _("Side of the patches that are laid; larger than the elements of the texture. 0 measures the texture"),
-    40,
+    0,
     (0, 1024),
     automatic=_("By the texture's scale"),
     typical=40,
+    applies=("setting", ("auto",)),
 )
 _OVERLAP = number(
     "overlap",
@@ -53,6 +54,23 @@ TEXTURE_ENTRIES = (
                 help=_("Whether the texture continues at its opposite border"),
                 default="none",
                 choices=(("none", _("No")), *_BORDERS),
+            ),
+            Option(
+                name="setting",
+                label=_("Settin_g"),
+                help=_(
+                    "How large patches are and which are taken. By default small textures are tried and the "
+                    "best one's setting is used, unless the patch is given"
+                ),
+                default="auto",
+                choices=(
+                    ("auto", _("The best of small trials")),
+                    ("coarse", _("Large patches that fit best")),
+                    ("coarse-mixed", _("Large patches, mixed")),
+                    ("fine", _("Small patches that fit best")),
+                    ("fine-mixed", _("Small patches, mixed")),
+                    ("varied", _("Small patches, varied")),
+                ),
             ),
             _PATCH,
             SEED,

@@ -1,4 +1,6 @@
+import json
 import os
+import re
 import signal
 import subprocess
 import time
@@ -9,6 +11,7 @@ import pytest
 from processes import living
 from skimage import data
 
+import toposeam as ts
 from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
 from toposeam_cli.textures.maps import Maps
 
@@ -63,7 +66,8 @@ def test_a_texture_is_grown_with_all_that_belongs_to_it(toposeam):
         assert (made == given[row, column]).all(axis=2).mean() > 0.7
     count = len(np.unique(labels.pixels))
     assert 4 <= count <= 16
-    assert ran.out == f"big.png: 90 × 70 px, {count} patches of 32 × 32 px\n"
+    start = f"big.png: 90 × 70 px, {count} patches of 32 × 32 px, joints are "
+    assert ran.out.startswith(start)
     # Without mixing at the seams the coordinates alone tell everything; with it the border's wrapping has to
     # be told as well.
     again = toposeam(
@@ -319,6 +323,56 @@ def test_opacity_is_grown_along(toposeam):
     assert toposeam("synth", "lace.png", *ASKED, "-o", "o.png").code == 1
     assert toposeam("synth", "lace.png", *ASKED, "--transparent", "-o", "o.png").code == 0
     assert 0.3 < (read_picture("o.png").alpha > 127).mean() < 0.8
+
+
+def test_the_line_names_the_setting_that_was_chosen(toposeam):
+    size = ("--size", "60x50")
+    ran = toposeam("synth", "moss.png", *size, "-o", "o.png")
+    assert re.search(r" patch(es)? of \d+ × \d+ px, setting (coarse|fine|varied)\S*, joints are ", ran.out)
+    told = json.loads(toposeam("synth", "moss.png", *size, "-o", "p.png", "--json").out)
+    assert told["size"] == [60, 50]
+    assert set(told) == {
+        "output",
+        "size",
+        "patches",
+        "patch",
+        "setting",
+        "lattice",
+        "joints",
+        "shown",
+        "look_at",
+        "tried",
+    }
+    assert set(told["tried"]) <= set(ts.texture.SETTINGS)
+    named = toposeam(
+        "synth", "moss.png", *size, "-o", "q.png", "--setting", told["setting"], "--context", "8"
+    )
+    assert f"setting {told['setting']}," in named.out
+    assert (read_picture("q.png").pixels == read_picture("o.png").pixels).all()
+
+
+def test_a_lattice_is_written_across_and_down(toposeam):
+    asked = ("synth", "moss.png", "--size", "60", "--setting", "fine", "-o", "o.png", "--force", "--lattice")
+    assert toposeam(*asked, "24x16,-8").code == 0
+    source = read_picture("moss.png").pixels
+    made = ts.synthesize(source, 60, setting="fine", lattice=(16, 24, -8)).image
+    assert (read_picture("o.png").pixels == made).all()
+    for wrong in ("24", "axb", "24x2", "0x0"):
+        ran = toposeam(*asked, wrong)
+        assert ran.code != 0
+        assert "lattice" in ran.err
+    closing = ("synth", "moss.png", "--tileable", "both", "-o", "p.png", "--setting", "fine")
+    ran = toposeam(*closing, "--size", "auto:70x50", "--lattice", "24x16")
+    assert read_picture("p.png").pixels.shape == (48, 72, 3)
+
+
+@pytest.mark.parametrize("given", [("--variety", "1"), ("--patch", "24"), ("--variation", "0.2")])
+def test_a_setting_stands_for_what_it_is_made_of(toposeam, given):
+    ran = toposeam("synth", "moss.png", "--size", "60", "--setting", "fine", *given, "-o", "o.png")
+    assert ran.code == 1
+    assert given[0] in ran.err
+    assert "--setting" in ran.err
+    assert len(ran.err.strip().splitlines()) == 1
 
 
 @pytest.mark.parametrize("given", [("--variety", "1"), ("--most", "2"), ("--tolerance", "0")])

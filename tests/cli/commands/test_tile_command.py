@@ -1,3 +1,5 @@
+import json
+
 import numpy as np
 import pytest
 from skimage import data
@@ -64,6 +66,14 @@ def test_when_one_of_several_outputs_fails_none_is_left(toposeam, folder):
     write_picture("gravel.png", Picture(pixels=gravel, alpha=alpha), force=True)
     toposeam("tile", "gravel.png", "-o", "o.png", "--preview", "o.jpg").fails("partly transparent")
     assert [path.name for path in folder.iterdir()] == ["gravel.png"]
+
+
+def test_json_tells_how_visible_joints_are(toposeam):
+    told = json.loads(toposeam("tile", "gravel.png", "-o", "o.png", "--json").out)
+    assert told["joints"] >= 0
+    assert told["shown"] is None  # of a picture that is only mended
+    assert "tried" not in told
+    assert "setting" not in told
 
 
 def test_light_is_taken_out_of_a_picture_that_repeats(toposeam):

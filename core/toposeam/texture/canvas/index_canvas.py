@@ -73,6 +73,11 @@ class IndexCanvas:
         self.index, self.labels, self.usage = map(_shared, (self.index, self.labels, self.usage))
         self._copies, self._areas = _shared(self._copies, patches), _shared(self._areas, patches)
 
+    def shown(self, copied: Mask) -> float:
+        """Compute the share of the pixels of the atlas that may be copied, (AH, AW) bool, that shows."""
+        used = self.usage.reshape(copied.shape)[copied]
+        return float(np.count_nonzero(used) / max(used.size, 1))
+
     def window(
         self, top: int, left: int, height: int, width: int
     ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], Mask]:

@@ -24,6 +24,7 @@ from toposeam.saving import save
 from toposeam.sentence import counted
 from toposeam.texture.canvas.rendering import MAX_SMOOTH, render
 from toposeam.texture.canvas.tileable import Tileable, wraps_of
+from toposeam.texture.canvas.visible_joints import JointVerdict
 from toposeam.texture.exemplar.atlas import Atlas
 from toposeam.texture.exemplar.mirror_narrow import widened
 from toposeam.texture.exemplar.sources import Images, as_list
@@ -63,6 +64,11 @@ class Synthesis(PictureResult):
     #: Height and width near by on which the texture's order would close hardly stretched, px; None where it
     #: does so, or has none, or no size near by is better.
     fits: tuple[int, int] | None = None
+    #: How visible joints are.
+    verdict: JointVerdict
+    #: The settings that were tried on small textures, best first, and their verdicts; None for those that
+    #: were given up half-way.
+    tried: dict[str, JointVerdict | None] = field(default_factory=dict)
     #: (height, width) of the patches, px.
     patch: tuple[int, int]
     #: The settings that reproduce it.

@@ -1,8 +1,8 @@
 from .atlas import Atlas, values_at
 from .landmarks import add_guard, find_landmarks
 from .mirror_narrow import widened
-from .patch_search import PatchSearch, box_sum, reduced, refined
-from .scale import SMALLEST_PATCH, autocorrelation, natural_patch, patch_for
+from .patch_search import PatchSearch, box_sum, reduced, refined, whole
+from .scale import SMALLEST_PATCH, autocorrelation, coarse_patch, natural_patch, patch_for
 from .sources import UNSEEN_STEP, DataRange, Images, Sources, as_list, check_varied, read_sources, white_of
 from .turns import TURNS, Turns, count_of, turned, turned_sources
 
@@ -21,6 +21,7 @@ __all__ = [
     "autocorrelation",
     "box_sum",
     "check_varied",
+    "coarse_patch",
     "count_of",
     "find_landmarks",
     "natural_patch",
@@ -32,5 +33,6 @@ __all__ = [
     "turned_sources",
     "values_at",
     "white_of",
+    "whole",
     "widened",
 ]

@@ -22,6 +22,8 @@ _ELEMENTS = 4
 #: Largest side of a patch as a share of the exemplar's: of large patches few reach its border, where pixels
 #: would hardly show.
 _MOST_SHARE = 0.25
+#: Side of a coarse patch as a share of the exemplar's.
+_COARSE_SHARE = 0.55
 #: Autocorrelation, 1 at distance 0, at which an element ends.
 _END_CORRELATION = 0.2
 
@@ -101,6 +103,13 @@ def patch_for(features: Sequence[Floats32], usable: Sequence[Mask], rooms: Seque
     share = int(_MOST_SHARE * room)
     least = int(np.clip(share, min(SMALLEST, room), USUAL))
     return _fitting(int(np.clip(round(_ELEMENTS * span), least, max(min(LARGEST, share), least))), usable)
+
+
+def coarse_patch(usable: Sequence[Mask], rooms: Sequence[tuple[int, int]]) -> int:
+    """Choose a patch about half as large as the smallest exemplar, smaller where holes leave no room for
+    it.
+    """
+    return _fitting(int(_COARSE_SHARE * min(min(shape) for shape in rooms)), usable)
 
 
 def _fitting(patch: int, usable: Sequence[Mask]) -> int:

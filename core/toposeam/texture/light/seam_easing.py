@@ -138,7 +138,7 @@ class EasedLight:
         offset = self._spread(channel)[..., np.newaxis]
         for first in range(0, len(gain), ROWS):
             rows = slice(first, first + ROWS)
-            gain[rows] = light.gain(self._index[rows], self._labels[rows], slice(channel, channel + 1))
+            gain[rows] = light.gain(self._index[rows], self._labels[rows])
             offset[rows] += light.offset(gain[rows])
         return Lift(gain=gain, offset=offset, low=light.low, high=light.high)
 

@@ -1,12 +1,13 @@
-"""Slow light: how much of it a sample has, taken out of it, and levelled between patches.
+"""Slow light: whether a sample has any, taken out of it, and levelled between patches.
 
 *Levelling.* Patches of a sample that is brighter on one side than on the other do not fit by their light even
 where their structure fits. So structure is compared without light, and each copy gets a light of its own
-that multiplies every channel: in logarithms a plane, an offset and two slopes, in the copy's own coordinates
-in the sample. These make neighbours agree along their seams in the least-squares sense and, as far as that
-leaves it open, take the sample's slope out. The error of a logarithm is that of the value over the value, so
-joints weigh by the square of their brightness: else shadows, which end sharply on one side only, would tell
-how bright their neighbours are, and light would drift from one side of a texture to the other.
+that multiplies all channels alike, so that no hue changes: in logarithms a plane, an offset and two slopes,
+in the copy's own coordinates in the sample. These make neighbours agree along their seams in the
+least-squares sense and, as far as that leaves it open, take the sample's slope out. The error of a logarithm
+is that of the value over the value, so joints weigh by the square of their brightness: else shadows, which
+end sharply on one side only, would tell how bright their neighbours are, and light would drift from one side
+of a texture to the other.
 
 *Flattening.* A quadratic surface through the sample's values is its light; each channel is divided by it.
 """
@@ -28,9 +29,11 @@ from toposeam.images import as_array, as_mask, check_values, full_scale, in_dtyp
 from toposeam.texture.canvas.copy_borders import ROWS, joints
 from toposeam.texture.exemplar.atlas import Atlas
 from toposeam.texture.exemplar.sources import Images, as_list
+from toposeam.texture.light.shared_light import quadratic_terms, shared_light
 
-#: Least share of a sample's variance that a quadratic surface explains where its light is slow.
-_LEAST_EXPLAINED = 0.1
+#: Least share of a sample's variance that a quadratic surface explains where its light is slow, and least
+#: light that dark and bright parts of it share there; half of that where the surface explains most.
+_LEAST_EXPLAINED, _LEAST_SHARED, _MOSTLY = 0.05, 0.1, 0.5
 #: Difference across a seam, as a share of white, that counts half; much larger ones are edges.
 _HALF_WEIGHT = 0.15
 #: Weight of a copy's offset, and of its slope across the whole sample, against its seams: so a step that
@@ -56,12 +59,16 @@ def has_slow_light(features: Floats32, usable: Mask) -> bool:
         return False
     values = features[usable].astype(np.float64)
     values -= values[0]  # or rounding would decide of what is nearly alike everywhere
-    basis = _terms(usable.shape)[usable]
+    basis = quadratic_terms(usable.shape)[usable]
     along, mean = basis.T @ values, values.mean(axis=0)
     none = len(values) * float(np.square(mean).sum())
     whole = float(np.square(values).sum()) - none
     # The residual of a least-squares surface is orthogonal to it.
-    return whole > 0 and float((_fitted(basis, along) * along).sum()) - none >= _LEAST_EXPLAINED * whole
+    explained = float((_fitted(basis, along) * along).sum()) - none
+    if not (whole > 0 and explained >= _LEAST_EXPLAINED * whole):
+        return False
+    least = _LEAST_SHARED if explained < _MOSTLY * whole else _LEAST_SHARED / 2
+    return shared_light(features.mean(axis=2), usable) >= least
 
 
 def without_light(features: Floats32, present: Mask, copied: Mask) -> Floats32:
@@ -144,17 +151,10 @@ def flattened(source: Images, mask: Images | None, white: float | None) -> list[
 
 def _surface(values: npt.NDArray[Any], where: Mask) -> Floats:
     """Fit a quadratic surface to some pixels, (H, W, C)."""
-    basis = _terms(where.shape)
+    basis = quadratic_terms(where.shape)
     some = basis[where]
     result: Floats = basis @ _fitted(some, some.T @ values[where])
     return result
-
-
-def _terms(shape: tuple[int, ...]) -> Floats:
-    """Compute the terms of a quadratic surface, (H, W, 6)."""
-    y, x = (np.linspace(-1, 1, length) for length in shape)
-    y, x = y[:, np.newaxis], x[np.newaxis]
-    return np.stack([np.ones(shape), y + 0 * x, x + 0 * y, y * x, y * y + 0 * x, x * x + 0 * y], axis=2)
 
 
 def _fitted(basis: Floats, along: Floats) -> Floats:
@@ -164,36 +164,54 @@ def _fitted(basis: Floats, along: Floats) -> Floats:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CopyLight:
-    """The light that copies are given. It multiplies a value above `floor`, and its logarithm is a plane in
-    the copy's own coordinates in the exemplar.
+    """The light that copies are given. It multiplies values above `floor`, those of all channels alike, and
+    its logarithm is a plane in the copy's own coordinates in the exemplar; where a channel would leave the
+    range of values, it is nearer to 1.
     """
 
     atlas: Atlas
-    coefficients: Floats  #: (P, 3, C), of each patch: in the exemplar's middle, slopes; or P = 0
+    coefficients: Floats  #: (P, 3), of each patch: in the exemplar's middle, slopes; or P = 0
     floor: np.float32
     low: float
     high: float
+    #: (2, AH * AW) float32: least and largest gain of each pixel of the atlas.
+    limits: Floats32
 
     @classmethod
     def of(cls, plane: Floats32, atlas: Atlas) -> CopyLight:
         """Leave the copies of a sample (AH, AW, C) as they are."""
         low, high = (float(limit(plane[atlas.copied])) for limit in (np.min, np.max))
-        none = np.empty((0, 3, plane.shape[2]))
-        return cls(atlas=atlas, coefficients=none, floor=np.float32(0), low=low, high=high)
+        return cls(
+            atlas=atlas,
+            coefficients=np.empty((0, 3)),
+            floor=np.float32(0),
+            low=low,
+            high=high,
+            limits=np.empty((2, 0), np.float32),
+        )
 
-    def gain(self, index: Ints32, labels: Ints32, channels: slice = slice(None)) -> Floats32:
-        """Compute the gain (…, C) at pixels, given by flat index and number of the patch that show there."""
-        chosen = range(self.coefficients.shape[2])[channels]
-        result = np.ones((*index.shape, len(chosen)), np.float32)
-        if len(self.coefficients):
-            (down, right), numbers = _places(self.atlas, np.maximum(index, 0)), np.maximum(labels, 0)
-            for place, channel in enumerate(chosen):
-                even, lower, further = np.ascontiguousarray(self.coefficients[..., channel].T)
-                light = even.take(numbers)
-                light += lower.take(numbers) * down
-                light += further.take(numbers) * right
-                np.exp(light, out=light)
-                result[..., place] = light
+    def given(self, coefficients: Floats, floor: float, plane: Floats32) -> CopyLight:
+        """Give the copies of a sample (AH, AW, C) light."""
+        limits = [
+            (limit + floor) / np.maximum(extreme(plane, axis=2).ravel() + floor, 1e-6)
+            for limit, extreme in ((self.low, np.min), (self.high, np.max))
+        ]
+        kept = np.stack([np.minimum(limits[0], 1), np.maximum(limits[1], 1)]).astype(np.float32)
+        return dataclasses.replace(self, coefficients=coefficients, floor=np.float32(floor), limits=kept)
+
+    def gain(self, index: Ints32, labels: Ints32) -> Floats32:
+        """Compute the gain (…, 1) at pixels, given by flat index and number of the patch that show there."""
+        if not len(self.coefficients):
+            return np.ones((*index.shape, 1), np.float32)
+        there = np.maximum(index, 0)
+        (down, right), numbers = _places(self.atlas, there), np.maximum(labels, 0)
+        even, lower, further = np.ascontiguousarray(self.coefficients.T)
+        light = even.take(numbers)
+        light += lower.take(numbers) * down
+        light += further.take(numbers) * right
+        gain = np.exp(light, out=light).astype(np.float32)
+        np.clip(gain, self.limits[0].take(there), self.limits[1].take(there), out=gain)
+        result: Floats32 = gain[..., np.newaxis]
         return result
 
     def offset(self, gain: Floats32) -> Floats32:
@@ -234,8 +252,9 @@ def levelled_copies(
     """
     given, level = plane.reshape(-1, plane.shape[2]), even.reshape(-1, even.shape[2])
     white, usable = float(np.abs(plane[atlas.copied]).max()) or 1.0, atlas.usable.ravel()
-    flat = np.log(np.maximum(given, 0) / white + _FLOOR)  # light multiplies
-    certain = np.square(np.exp(flat).mean(axis=1))
+    bright = np.maximum(given, 0).mean(axis=1, keepdims=True) / white
+    flat = np.log(bright + _FLOOR)  # light multiplies
+    certain = np.square(bright[:, 0] + _FLOOR)
     certain /= certain[atlas.copied.ravel()].mean()
     parts = []
     for first, second, step in joints(index, atlas.width, wraps):
@@ -255,11 +274,7 @@ def levelled_copies(
         parts.append(_pairs(a, b, terms, apart, weight))
     matrix, wanted = _equations(parts, _slope_coefficients(flat, atlas, index, labels, copies))
     solved = linalg.splu(matrix).solve(wanted) if len(copies) else wanted
-    light = dataclasses.replace(
-        CopyLight.of(plane, atlas),
-        coefficients=solved.reshape(len(copies), 3, -1)[copies],
-        floor=np.float32(_FLOOR * white),
-    )
+    light = CopyLight.of(plane, atlas).given(solved.reshape(-1, 3)[copies], _FLOOR * white, plane)
     return _as_bright(light, plane, index, labels) if len(copies) else light
 
 
@@ -272,24 +287,20 @@ def _as_bright(light: CopyLight, plane: Floats32, index: Ints32, labels: Ints32)
     shown = index >= 0
     index, labels = index[shown], labels[shown]
     exemplar, _ = atlas.locate(index)
-    wanted = []
+    bright, wanted = plane.mean(axis=2), []
     for number, count in enumerate(np.bincount(exemplar, minlength=len(atlas.places)).tolist()):
         place = atlas.places[number]
-        values = plane[place][atlas.copied[place]]
+        values = bright[place][atlas.copied[place]]
         wanted.append(values[np.linspace(0, len(values) - 1, count).astype(np.intp)])
-    given = np.sort(np.concatenate(wanted) + light.floor, axis=0)
-    made = plane.reshape(-1, plane.shape[2]).take(index, axis=0) + light.floor
-    made = np.sort(made * light.gain(index, labels), axis=0)
+    given = np.sort(np.concatenate(wanted) + light.floor)
+    made = np.sort((bright.ravel().take(index) + light.floor) * light.gain(index, labels)[..., 0])
+    # The factor that makes the sum of |given - factor * made| least is a weighted median.
+    weight = np.maximum(made, np.float32(1e-9))
+    ratio = np.maximum(given, np.float32(1e-9)) / weight
+    order = np.argsort(ratio)
+    middle = np.searchsorted(np.cumsum(weight[order], dtype=np.float64), 0.5 * weight.sum(dtype=np.float64))
     coefficients = light.coefficients.copy()
-    for channel in range(plane.shape[2]):
-        # The factor that makes the sum of |given - factor * made| least is a weighted median.
-        weight = np.maximum(made[:, channel], np.float32(1e-9))
-        ratio = np.maximum(given[:, channel], np.float32(1e-9)) / weight
-        order = np.argsort(ratio)
-        middle = np.searchsorted(
-            np.cumsum(weight[order], dtype=np.float64), 0.5 * weight.sum(dtype=np.float64)
-        )
-        coefficients[:, 0, channel] += np.log(float(ratio[order[middle]]))
+    coefficients[:, 0] += np.log(float(ratio[order[middle]]))
     return dataclasses.replace(light, coefficients=coefficients)
 
 

@@ -1,4 +1,4 @@
-from .period import STRETCH, Order, find_order
+from .period import STRETCH, Order, find_order, given_order, likely_order
 from .phase import Phase, closing_size
 
 __all__ = [
@@ -7,4 +7,6 @@ __all__ = [
     "Phase",
     "closing_size",
     "find_order",
+    "given_order",
+    "likely_order",
 ]

@@ -17,6 +17,9 @@ from toposeam.arrays import Floats, Indices
 _FINER_SHARE = 0.85
 #: Largest number of peaks of the autocorrelation that are tried as vectors, and of lattices that are fitted.
 _MOST_PEAKS, _MOST_FITTED = 24, 20
+#: Of a lattice of few points: the part of the room in which shifts are known, the factor by which likeness
+#: has to differ, and the cell of a finer lattice, as a share of the other's.
+_KNOWN, _ALIKE, _FINER = 0.98, 1.15, 0.8
 #: Largest number of points by which a lattice is fitted.
 _MOST_POINTS = 400
 
@@ -49,6 +52,32 @@ def finest_lattice(smooth: Floats, element: int) -> Floats | None:
     most = max(score for score, _, _ in fitted)
     fine = [one for one in fitted if one[0] >= _FINER_SHARE * most] or fitted
     return min(fine, key=lambda one: one[1])[2]
+
+
+def coarse_lattice(smooth: Floats, element: int) -> tuple[Floats | None, float]:
+    """Find the (2, 2) vectors of a lattice of few points, and the likeness on these: the least on the vectors
+    themselves, or the mean on them, their sums and their doubles, if that is less. Of lattices about as alike
+    the finer one counts.
+    """
+    found: Floats | None = None
+    most, peaks = 0.0, _peaks(smooth, element).tolist()
+    middle = np.array(smooth.shape) // 2
+    for i, (a, b) in enumerate(peaks):
+        for c, d in peaks[:i]:
+            vectors = _reduced(a, b, c, d)
+            if vectors is None or math.hypot(*vectors[0]) < 0.7 * element:
+                continue
+            one, two = vectors
+            shifts = np.stack([one, two, one + two, one - two, 2 * one, 2 * two])
+            known = (np.abs(shifts) <= _KNOWN * middle).all(axis=1)
+            if not known[:2].all():
+                continue
+            values = ndimage.map_coordinates(smooth, (shifts[known] + middle).T, order=1, mode="nearest")
+            score = float(min(values[0], values[1], values.mean()))
+            finer = found is not None and _area(vectors) < _FINER * _area(found)
+            if score > (most / _ALIKE if finer else most * _ALIKE):
+                found, most = vectors, score
+    return found, most
 
 
 def _peaks(smooth: Floats, element: int) -> Floats:

@@ -12,13 +12,16 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 import scipy.fft as sf
 from scipy import ndimage
 
 from toposeam.arrays import Floats, Floats32, Mask
+from toposeam.checks import check_items, check_number, check_numbers
+from toposeam.errors import OptionError, Term
 from toposeam.texture.exemplar.scale import autocorrelation
 from toposeam.texture.exemplar.sources import UNSEEN_STEP
-from toposeam.texture.periodicity.lattice_fit import finest_lattice, mean_on
+from toposeam.texture.periodicity.lattice_fit import coarse_lattice, finest_lattice, mean_on
 
 #: Least mean autocorrelation on the lattice of an ordered texture: by two vectors, and along one direction.
 ORDERED, ORDERED_LINES = 0.25, 0.15
@@ -28,9 +31,15 @@ _MOST_BETWEEN = 0.9
 #: Least autocorrelation on multiples of a period of lines, as a share of that at 0, and on far points of a
 #: lattice, as a share of that on all. A texture with less looks ordered, but its order wanders.
 _LEAST_KEPT = 0.85
+#: Largest difference from whole numbers, in periods, of shifts that belong to one lattice.
+_SAME = 0.1
+#: Least likeness at the shifts of an order that is only guessed.
+_LIKELY = 0.4
 #: Largest stretch by which an order is made to close, and largest stretch that is not seen, as shares. Lines
 #: that are bent a little where patches meet look better than broken ones; beyond, hexagons get borders twice.
 STRETCH, UNSEEN = 0.12, 0.005
+#: Shortest period that can be given, px.
+_LEAST_PERIOD = 4
 #: Largest side, px, of the middle part of an exemplar in which its order is measured.
 _MEASURED_SIDE = 512
 #: Side of a box, px: three of them, one after the other, blur like a Gaussian of 23.5 px. Slower changes
@@ -53,6 +62,20 @@ class Order:
     def periods(self) -> Floats:
         """(n, 2) shifts (y, x) in px that leave the order in step."""
         return np.asarray(np.linalg.pinv(self.reciprocal).T)
+
+    def spans(self, other: Order) -> bool:
+        """Test whether another order has the same lattice, nearly."""
+        if self.reciprocal.shape != other.reciprocal.shape:
+            return False
+        whole = other.periods @ self.reciprocal.T
+        return bool(
+            np.abs(whole - np.rint(whole)).max() < _SAME
+            and abs(abs(np.linalg.det(np.rint(whole))) - 1) < _SAME
+        )
+
+    def scaled(self, factor: float) -> Order:
+        """Return the order of the texture reduced by a factor."""
+        return Order(self.reciprocal * factor, self.strength)
 
     def fitted(self, size: tuple[int, int], wraps: tuple[bool, bool]) -> tuple[Floats, float]:
         """Find the reciprocal vectors nearest to these that close on a size, and the stretch that this needs,
@@ -89,6 +112,57 @@ class Order:
         return found if stretch > UNSEEN and self.fitted(found, wraps)[1] <= stretch / 2 else None
 
 
+def given_order(lattice: npt.ArrayLike) -> Order:
+    """Make the order of a lattice: its periods down and to the right, px, 0 where nothing repeats, and how
+    much further to the right each row lies than the one above, by default 0; or one or two shifts (y, x).
+
+    Raises
+    ------
+    OptionError
+
+    Examples
+    --------
+    >>> given_order((16, 40, 20)).periods.round(6).tolist()
+    [[16.0, 20.0], [0.0, 40.0]]
+    >>> given_order((12.5, 0)).periods.round(6).tolist()
+    [[12.5, 0.0]]
+    """
+    if np.ndim(lattice) == 2:
+        return _spanned(lattice)
+    wanted = "two periods, px, and a shift of each row"
+    given = [check_number("lattice", one) for one in check_items("lattice", lattice, object, wanted)]
+    down, right, shear = (*given, 0.0)[:3] if len(given) in (2, 3) else (0.0, 0.0, 0.0)
+    if any(one != 0 and one < _LEAST_PERIOD for one in (down, right)) or down == right == 0:
+        raise _no_lattice(lattice)
+    if not right:
+        return Order(np.array([[1 / down, 0.0]]), 1.0)
+    if not down:
+        return Order(np.array([[0.0, 1 / right]]), 1.0)
+    return Order(np.asarray(np.linalg.inv(np.array([[down, shear], [0.0, right]])).T, np.float64), 1.0)
+
+
+def _spanned(lattice: npt.ArrayLike) -> Order:
+    """Make the order of a lattice that one or two shifts (y, x) span."""
+    shifts = check_numbers("lattice", lattice)
+    if shifts.shape not in ((1, 2), (2, 2)) or not np.isfinite(shifts).all():
+        raise _no_lattice(lattice)
+    area = np.linalg.norm(shifts) if len(shifts) == 1 else abs(np.linalg.det(shifts)) ** 0.5
+    if area < _LEAST_PERIOD:
+        raise _no_lattice(lattice)
+    return Order(np.asarray(np.linalg.pinv(shifts).T, np.float64), 1.0)
+
+
+def _no_lattice(lattice: object) -> OptionError:
+    return OptionError(
+        "{parameter} is {value!r}; give its periods on both axes, {least} px or more, or 0 for one of "
+        "them where nothing repeats, and by how much each row is shifted",
+        kind="number",
+        parameter=Term("lattice"),
+        value=lattice,
+        least=_LEAST_PERIOD,
+    )
+
+
 def _closing(cycles: Floats, finest: float, length: int, within: bool) -> int:
     """Find the length nearest to one at which every count of cycles is nearly whole; stretch is measured on
     the finest period.
@@ -121,6 +195,47 @@ def find_order(features: Floats32, usable: Mask) -> Order | None:
     features : (H, W, F) float32 array
     usable : (H, W) bool array
     """
+    found = _likeness(features, usable)
+    if found is None:
+        return None
+    smooth, distance, element = found
+    # The mean on a lattice is no higher than the highest value beyond the shortest vector.
+    highest = float(smooth[distance >= 0.6 * element].max(initial=0))
+    if highest < ORDERED_LINES:
+        return None
+    lattice = finest_lattice(smooth, element) if highest >= ORDERED else None
+    if lattice is not None:
+        strength = mean_on(smooth, lattice)
+        far = mean_on(smooth, lattice, beyond=0.4)
+        between = max(mean_on(smooth, lattice, half) for half in lattice / 2)
+        if strength >= ORDERED and between <= _MOST_BETWEEN * strength and far >= _LEAST_KEPT * strength:
+            return Order(np.asarray(np.linalg.inv(lattice).T, np.float64), strength)
+    return _lines(smooth, element)
+
+
+def likely_order(features: Floats32, usable: Mask) -> Order | None:
+    """Guess an order of two or three periods, too few to be sure of: the lattice of the two shifts at which a
+    texture, and at their sums as far as these are known, is most like itself. Whoever asks has to try it.
+
+    Parameters
+    ----------
+    features : (H, W, F) float32 array
+    usable : (H, W) bool array
+    """
+    found = _likeness(features, usable)
+    if found is None:
+        return None
+    smooth, _, element = found
+    lattice, strength = coarse_lattice(smooth, element)
+    if lattice is None or strength < _LIKELY:
+        return None
+    return Order(np.asarray(np.linalg.inv(lattice).T, np.float64), strength)
+
+
+def _likeness(features: Floats32, usable: Mask) -> tuple[Floats, Floats, int] | None:
+    """Compute how alike a sample is at every distance, each distance in px, and the size of an element; None
+    where there is nothing to be seen but slow light.
+    """
     middle = looked_at(usable.shape)
     if not usable[middle].any():
         return None
@@ -135,20 +250,7 @@ def find_order(features: Floats32, usable: Mask) -> Order | None:
     ends = np.flatnonzero(ring[: min(height, width)] < 0.05)
     if not len(ends):
         return None
-    element = max(int(ends[0]), 4)
-    smooth = ndimage.gaussian_filter(near, 1.0)
-    # The mean on a lattice is no higher than the highest value beyond the shortest vector.
-    highest = float(smooth[distance >= 0.6 * element].max(initial=0))
-    if highest < ORDERED_LINES:
-        return None
-    lattice = finest_lattice(smooth, element) if highest >= ORDERED else None
-    if lattice is not None:
-        strength = mean_on(smooth, lattice)
-        far = mean_on(smooth, lattice, beyond=0.4)
-        between = max(mean_on(smooth, lattice, half) for half in lattice / 2)
-        if strength >= ORDERED and between <= _MOST_BETWEEN * strength and far >= _LEAST_KEPT * strength:
-            return Order(np.asarray(np.linalg.inv(lattice).T, np.float64), strength)
-    return _lines(smooth, element)
+    return ndimage.gaussian_filter(near, 1.0), distance, max(int(ends[0]), 4)
 
 
 def _detail(features: Floats32) -> Floats32:

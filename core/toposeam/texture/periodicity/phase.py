@@ -10,7 +10,7 @@ from toposeam.checks import check_choice, check_pair
 from toposeam.texture.canvas.places import PlaceGrid
 from toposeam.texture.canvas.tileable import Tileable, wraps_of
 from toposeam.texture.exemplar.sources import DataRange, Images, read_sources
-from toposeam.texture.periodicity.period import Order, find_order
+from toposeam.texture.periodicity.period import Order, find_order, given_order
 
 
 class Phase:
@@ -95,6 +95,7 @@ def closing_size(
     source_mask: Images | None = None,
     transparent: bool = False,
     data_range: DataRange = None,
+    lattice: npt.ArrayLike | None = None,
 ) -> tuple[int, int]:
     """Find the size nearest to one wished for on which an ordered texture repeats without being stretched.
 
@@ -117,6 +118,8 @@ def closing_size(
         Whether opacity is part of the texture, as for :func:`toposeam.synth`.
     data_range : float, optional
         The value that counts as white, as for :func:`toposeam.synth`.
+    lattice : array_like, optional
+        Instead of the order that is found, as for :func:`toposeam.synth`.
 
     Returns
     -------
@@ -144,5 +147,7 @@ def closing_size(
     sources = read_sources(
         source, alpha=alpha, mask=source_mask, data_range=data_range, transparent=transparent
     )
+    if lattice is not None:
+        return given_order(lattice).closing_size((height, width), wraps, within)
     order = find_order(sources.features[0], sources.usable[0])
     return (height, width) if order is None else order.closing_size((height, width), wraps, within)

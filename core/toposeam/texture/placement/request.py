@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from toposeam.checks import Seed, check_items, check_whole, options_from, seed_of
 from toposeam.errors import OptionError, Term
+from toposeam.images import full_scale
 from toposeam.texture.canvas.rendering import MAX_SMOOTH
 from toposeam.texture.canvas.tileable import Tileable, wraps_of
 from toposeam.texture.exemplar.sources import DataRange, Images, Sources, read_sources, white_of
@@ -90,6 +91,11 @@ class TextureRequest:
             data_range=data_range,
         )
 
+    def varied(self, variation: float, *, close: bool | None = None) -> TextureRequest:
+        """Return the request with the options that a variation stands for, and order kept or not."""
+        close = self.options.close if close is None else self.options.close and close
+        return replace(self, options=replace(varied(self.options, variation), close=close))
+
     @property
     def wraps(self) -> tuple[bool, bool]:
         """True if rows, and whether columns, continue at the opposite border."""
@@ -106,6 +112,10 @@ class TextureRequest:
         it.
         """
         return white_of(self.data_range, 1 + len(self.maps) + (self.normal is not None))
+
+    def white_of(self, sources: Sources) -> float:
+        """Return the value that counts as white in the picture."""
+        return float(self.white[0] or full_scale(sources.planes[0][0].dtype))
 
     @property
     def settings(self) -> dict[str, Any]:

@@ -1,5 +1,5 @@
 from .process_pool import MAX_PROCESSES, Crew
-from .raster import SMALLEST_TILE, lay_all, patches_on, shape_on
+from .raster import SMALLEST_TILE, lay_all, patches_along, patches_on, shape_on
 from .wavefronts import At, lay_wave
 
 __all__ = [
@@ -9,6 +9,7 @@ __all__ = [
     "Crew",
     "lay_all",
     "lay_wave",
+    "patches_along",
     "patches_on",
     "shape_on",
 ]

@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 
 from toposeam.images import box_of
-from toposeam.texture.exemplar import Atlas, PatchSearch, box_sum, reduced
-from toposeam.texture.exemplar.patch_search import whole
+from toposeam.texture.exemplar import Atlas, PatchSearch, box_sum, reduced, whole
 
 
 def brute_force(features, usable, values, weight, margin, patch):

@@ -10,7 +10,7 @@ import toposeam as ts
 def test_the_patch_is_chosen_by_the_size_of_the_elements(sample):
     fine = sample(15, (192, 192))
     coarse = ndimage.zoom(sample(15, (64, 64)), 3, order=1)
-    patches = [ts.synthesize(image, 40, patch=None).settings["patch"] for image in (fine, coarse)]
+    patches = [ts.synthesize(image, 40, setting="varied").settings["patch"] for image in (fine, coarse)]
     assert 8 <= patches[0] < patches[1] <= 64
 
 

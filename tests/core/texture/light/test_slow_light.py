@@ -6,6 +6,7 @@ import skimage.data
 from scipy import ndimage
 
 import toposeam as ts
+from toposeam.texture.light import levelled_copies
 from toposeam.texture.light.slow_light import _surface, has_slow_light
 
 
@@ -32,6 +33,59 @@ def test_slow_light_is_told_from_structure(lit, sample):
     everywhere = np.ones((128, 128), bool)
     assert has_slow_light(lit[0] / np.float32(255), everywhere)
     assert not has_slow_light(sample(1, (128, 128), channels=3) / np.float32(255), everywhere)
+
+
+def discs(seed, count, radius, side=160):
+    """Discs of any colours on a ground that is even but for noise: few elements, and flat light."""
+    rng = np.random.default_rng(seed)
+    image, (y, x) = np.empty((side, side, 3)), np.mgrid[:side, :side]
+    image[:] = rng.uniform(0.2, 0.9, 3)
+    colours = rng.uniform(0.05, 0.95, (3, 3))
+    for row, column in rng.uniform(0, side, (count, 2)):
+        image[np.hypot(y - row, x - column) < radius * rng.uniform(0.7, 1.3)] = colours[rng.integers(3)]
+    return np.clip(image + rng.normal(0, 0.03, image.shape), 0, 1).astype(np.float32)
+
+
+def test_few_elements_are_no_light():
+    everywhere = np.ones((160, 160), bool)
+    flat = [
+        has_slow_light(discs(seed, count, radius), everywhere)
+        for seed, (count, radius) in enumerate([(5, 26), (9, 20), (16, 16), (30, 12), (60, 8)] * 8)
+    ]
+    assert sum(flat) <= 1
+
+
+def test_light_on_few_elements_is_found():
+    everywhere = np.ones((160, 160), bool)
+    y, x = np.mgrid[-1:1:160j, -1:1:160j]
+    found = [
+        has_slow_light(
+            discs(seed, count, radius) * (0.7 - 0.3 * (x if seed % 2 else y))[..., np.newaxis], everywhere
+        )
+        for seed, (count, radius) in enumerate([(5, 26), (9, 20), (16, 16), (30, 12), (60, 8)] * 4)
+    ]
+    assert sum(found) >= 18
+
+
+def test_light_changes_no_hue_and_leaves_no_range():
+    rng, fall = np.random.default_rng(3), np.linspace(0.3, 1, 128)[:, np.newaxis, np.newaxis]
+    hues = np.array([[1.0, 0.2, 0.1], [0.2, 0.8, 0.3], [0.1, 0.2, 0.7]])
+    image = hues[rng.integers(0, 3, (32, 32))].repeat(4, axis=0).repeat(4, axis=1) * fall
+    made = ts.synthesize(image.astype(np.float32), 200, patch=24, level=False, smooth=0)
+    plane = made.atlas.spread([image.astype(np.float32)])
+    copies = np.arange(made.labels.max() + 1, dtype=np.int32)
+    light = levelled_copies(plane, plane, made.atlas, made.index, made.labels, copies, (False, False))
+    gain = light.gain(made.index, made.labels)
+    lit = gain * made.image + light.offset(gain)
+    assert gain.min() < 0.8
+    assert gain.max() > 1.2
+    assert image.min() - 1e-5 <= lit.min() <= lit.max() <= image.max() + 1e-5
+
+    def hue(colours):
+        low, high = (extreme(axis=2, keepdims=True) for extreme in (colours.min, colours.max))
+        return (colours - low) / (high - low)
+
+    np.testing.assert_allclose(hue(lit), hue(made.image), atol=1e-4)
 
 
 def test_what_is_alike_everywhere_has_no_light():
@@ -74,8 +128,7 @@ def test_light_does_not_drift_from_one_side_to_the_other():
     # Fur: dark tufts at the lower border, where the sample ends, never fade out downwards.
     image = np.kron(skimage.data.chelsea()[15:95, 70:150], np.ones((2, 2, 1), np.uint8))
     down = np.linspace(-1, 1, 480)[:, np.newaxis, np.newaxis]
-    made = [ts.synthesize(image, 480, patch=40, seed=seed) for seed in (1, 2)]
-    assert made[0].settings["level"] is True
+    made = [ts.synthesize(image, 480, patch=40, seed=seed, level=True) for seed in (1, 2)]
     slope = 3 * np.mean([one.image * down for one in made], axis=(0, 1, 2))
     assert np.abs(slope).max() < 4
 

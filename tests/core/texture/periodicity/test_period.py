@@ -3,7 +3,7 @@ import pytest
 from scipy import ndimage
 
 import toposeam as ts
-from toposeam.texture.periodicity import Order, Phase, find_order
+from toposeam.texture.periodicity import Order, Phase, find_order, given_order, likely_order
 from toposeam.texture.periodicity.lattice_fit import _points
 
 
@@ -63,6 +63,71 @@ def out_of_step(image, order, closes=True):
         local = ndimage.gaussian_filter(wave, period, mode="wrap")
         found |= (local * np.exp(-1j * np.angle(local.sum()))).real <= 0
     return found.mean()
+
+
+def few(side=150, period=(60, 52), seed=4):
+    """Tiles of other tones with a cross in the middle: between two and three periods on either axis."""
+    rng, (y, x) = np.random.default_rng(seed), np.mgrid[:side, :side]
+    tones = rng.uniform(90, 200, (4, 4))[y // period[0], x // period[1]]
+    y, x = y % period[0], x % period[1]
+    dark = (np.abs(y - period[0] // 2) < 3) | (np.abs(x - period[1] // 2) < 3)
+    made = np.where((y < 4) | (x < 4), 240, np.where(dark, 30, tones)) + rng.normal(0, 3, y.shape)
+    return np.clip(made, 0, 255).astype(np.uint8)
+
+
+@pytest.mark.medium
+def test_patches_keep_step_with_a_lattice_that_is_given():
+    image, period = few(), np.array([60, 52])
+    kept, free = (ts.synthesize(image, 320, setting="varied", lattice=one) for one in ((60, 52), None))
+    np.testing.assert_allclose(kept.settings["lattice"], [[60, 0], [0, 52]], atol=1e-9)
+
+    def out_of_step(made):
+        shift = (np.indices((320, 320)).transpose(1, 2, 0) - made.source) / period
+        apart = shift - shift[0, 0]
+        return np.abs((apart - np.rint(apart)) * period).max()
+
+    assert out_of_step(kept) <= 2  # a px at most for each of two patches
+    assert out_of_step(free) > 10
+    assert ts.texture.closing_size(image, (200, 200), lattice=(60, 52)) == (180, 208)
+
+
+def test_an_order_of_few_periods_is_guessed(sample):
+    image = (few(seed=0) / np.float32(255))[..., np.newaxis]
+    everywhere = np.ones((150, 150), bool)
+    assert find_order(image, everywhere) is None
+    assert spans(likely_order(image, everywhere).periods, (60, 0), (0, 52))
+    noise = sample(0, (128, 128))[..., np.newaxis] / np.float32(255)
+    assert likely_order(noise, np.ones((128, 128), bool)) is None
+    assert likely_order(np.full((64, 64, 1), 0.5, np.float32), np.ones((64, 64), bool)) is None
+
+
+@pytest.mark.medium
+def test_a_guessed_order_is_kept_where_it_does_as_well():
+    assert order_of(few()).periods[0, 0] < 20  # more of them than there are: the guess is tried besides
+    made = ts.synthesize(few(), 320)
+    assert spans(np.array(made.settings["lattice"]), (60, 0), (0, 52))
+    assert made.settings["close"]
+    named = {name: made.settings[name] for name in ("setting", "lattice")}
+    assert (ts.synthesize(few(), 320, **named).image == made.image).all()
+
+
+def test_a_lattice_may_be_sheared_or_lines():
+    for given, periods in (((16, 40, 20), [[16, 20], [0, 40]]), ((12.5, 0), [[12.5, 0]]), ((0, 9), [[0, 9]])):
+        np.testing.assert_allclose(given_order(given).periods, periods, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "lattice", [(0, 0), (3, 40), (40,), (-16, 40), (1, 2, 3, 4), "8x8", (np.nan, 20), [[1, 0], [0, 9]]]
+)
+def test_no_lattices_are_refused(lattice):
+    with pytest.raises(ts.OptionError, match="lattice"):
+        ts.synthesize(few(), 60, lattice=lattice)
+
+
+@pytest.mark.parametrize("given", [{"turns": "mirror"}, {"guide": np.zeros((60, 60)), "guide_source": few()}])
+def test_a_lattice_is_that_of_one_sample_as_it_lies(given):
+    with pytest.raises(ts.OptionError, match="leave it out with several ones, turns or guide"):
+        ts.synthesize(few(), 60, lattice=(60, 52), **given)
 
 
 @pytest.mark.parametrize(("contrast", "seen"), [(0.1, True), (0.01, False)])

@@ -15,14 +15,13 @@ from scipy import ndimage
 from skimage import data
 
 import toposeam as ts
-from toposeam.texture import synthesize
+from toposeam.texture import material
 from toposeam.texture.canvas import IndexCanvas, Offers
 from toposeam.texture.exemplar import Atlas
 from toposeam.texture.placement.wave_conflicts import WaveConflicts
 from toposeam.texture.repair.seam_mending import Mending
-from toposeam.texture.scheduling import Crew, lay_wave
+from toposeam.texture.scheduling import Crew, lay_wave, patches_along
 from toposeam.texture.scheduling.process_pool import FORKS
-from toposeam.texture.scheduling.raster import patches_along
 from toposeam.texture.scheduling.wavefronts import Laying, waves_of
 
 forks = pytest.mark.skipif(not FORKS, reason="nothing forks here")
@@ -344,7 +343,7 @@ def test_what_is_shared_stays_what_it_was():
 @pytest.mark.parametrize("kind", [Laying, Mending])
 def test_whoever_cuts_a_patch_cuts_it_alike(kind, monkeypatch):
     placers = []
-    monkeypatch.setattr(synthesize, "mend", lambda placer, *_: placers.append(placer))
+    monkeypatch.setattr(material, "mend", lambda placer, *_: placers.append(placer))
     ts.synthesize(data.gravel()[:70, :81], (90, 100), patch=24, seed=4)
     placer, at, shape = placers[0], (30, 41), (24, 24)
     if kind is Laying:
@@ -360,7 +359,7 @@ def test_whoever_cuts_a_patch_cuts_it_alike(kind, monkeypatch):
 
 def test_nothing_is_laid_where_nothing_is_wanted(monkeypatch):
     placers = []
-    monkeypatch.setattr(synthesize, "mend", lambda placer, *_: placers.append(placer))
+    monkeypatch.setattr(material, "mend", lambda placer, *_: placers.append(placer))
     ts.synthesize(data.gravel()[:70, :81], (90, 100), patch=24, seed=4)
     with Crew(1, placers[0], lambda: None) as crew:
         before = placers[0].canvas.index.copy()

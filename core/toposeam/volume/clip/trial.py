@@ -129,8 +129,7 @@ class Trial:
         """Choose a jump, and whether to level: the first likely one that will not be seen, else the best.
 
         Also returns the jump, in the clip, of a loop that is longer by a quarter, shows no more, and costs a
-        little more;
-        None if there is none.
+        little more; None if there is none.
         """
         likely, dear = likely_jumps(
             self.survey.small, self.transition, lengths, starts, self.compared, self.cost, self.spacing

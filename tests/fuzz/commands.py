@@ -288,6 +288,12 @@ class Fuzzer:
                 )
         if words == ("stitch",) and self.rng.random() < 0.5:
             given = self.photographs(parameters)
+        if words == ("volume",) and self.rng.random() < 0.7:  # an offset for each stack but the first
+            count, by_name = self.rng.choice([2, 2, 3]), {each.name: each for each in parameters}
+            given["stacks"] = [self.value(by_name["stacks"]) for _ in range(count)]
+            given["offset"] = [
+                word for _ in range(count - 1) for word in ("--offset", self.value(by_name["offset"]))
+            ]
         if words == ("batch",):
             given = self.batch(parameters)
         if words == ("enblend",):  # it takes pictures of any size; this one is 45 seconds

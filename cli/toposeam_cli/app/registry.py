@@ -33,7 +33,7 @@ COMMANDS = {
     "mockup": "Show MOTIF on a product, to scale.",
     "book": "Make a book of patterns round a theme: a logo, a symbol, a photograph.",
     "path": "Find a way over MAP by heat: easy where it is bright, none where it is black.",
-    "volume": "Join stacks A and B along the surface that shows least.",
+    "volume": "Join stacks A, B and others along the surfaces that show least and cut the fewest cells.",
     "loop": "Make CLIP repeat without a visible jump.",
     "doctor": "Check what works here, and say what is missing for the rest.",
     "batch": "Run many jobs: those of a TOML file, or one for each set of pictures that patterns match.",

@@ -97,7 +97,7 @@ _OF_IMAGE: Mapping[str, Called] = {**_TEXTURE, "exemplar": _file("image")}
 _CALLED: Mapping[str, Mapping[str, Called]] = {
     "stitch": _JOINED,
     "compare": _JOINED,
-    "volume": {"patch": _noun("stack"), "patches": _noun("stacks")},
+    "volume": {"patch": _noun("stack"), "patches": _noun("stacks"), "cells": _noun("--avoid")},
     "motif": {
         "rows": lambda term, given: "--sheet" if given["sheet"] else None,
         "columns": lambda term, given: "--sheet" if given["sheet"] else None,

@@ -62,7 +62,8 @@ class DurationType(click.ParamType):  # type: ignore[type-arg]
 
 
 @click.command(
-    cls=Command, everyday=["output", "length", "from", "to", "scale", "transition", "level", "force"]
+    cls=Command,
+    everyday=["output", "length", "from", "to", "scale", "transition", "level", "stabilise", "force"],
 )
 @click.argument("clip", type=FILE)
 @option(
@@ -111,6 +112,12 @@ class DurationType(click.ParamType):  # type: ignore[type-arg]
     heading="Clip",
     type=FILE,
     help="A picture of the frames' size, white where nothing shall move.",
+)
+@option(
+    "--stabilise",
+    heading="Clip",
+    is_flag=True,
+    help="Take the shift and turn of a trembling camera out first, and crop to what all frames show.",
 )
 @option(
     "--fps", heading="Clip", type=FiniteRange(0.01, 1000), help="Read the clip at so many frames a second."
@@ -184,28 +191,53 @@ def loop(clip: Path, output: Path, **given: Any) -> None:
         right, down = made.verdict.moved
         say(
             f"the whole picture moves in {clip}, by {right} px across and {down} px down; if the camera did, "
-            "stabilise the clip first, or take a part in which it stands still (--from, --to)",
+            "--stabilise takes that out, or take a part in which it stands still (--from, --to)",
             err=True,
         )
+    if given["stabilise"] and not quiet:
+        say(_steadied(clip, made), err=True)
     if given["as_json"]:
         say(json.dumps(_summary(output, made, read.rate)))
     elif not quiet:
-        count = len(made.frames)
+        count = len(made)
         jumps = ", ".join(f"from {jump.leaves} to {jump.enters}" for jump in dict.fromkeys(made.jumps))
         seconds = float(count / read.rate)
-        say(f"{output}: {counted(count, 'frame')} ({seconds:.2f} s), {jumps}; {made.verdict}")
+        say(f"{output}: {counted(count, 'frame')} ({seconds:.2f} s), {jumps}; {made.verdict}{_offer(made)}")
 
 
 def _summary(output: Path, made: ts.volume.Loop, rate: Fraction) -> dict[str, Any]:
     """Return the summary of a loop for JSON."""
     return {
         "output": str(output),
-        "frames": len(made.frames),
-        "seconds": round(float(len(made.frames) / rate), 3),
+        "frames": len(made),
+        "seconds": round(float(len(made) / rate), 3),
         "jumps": [[jump.leaves, jump.enters] for jump in dict.fromkeys(made.jumps)],
         "level": made.settings["level"],
+        "longer": None if made.longer is None else [made.longer.leaves, made.longer.enters],
+        "stabilised": None if made.steadied is None else [round(part, 3) for part in made.steadied],
         **made.verdict.summary(),
     }
+
+
+def _steadied(clip: Path, made: ts.volume.Loop) -> str:
+    """Say what was taken out of a clip."""
+    if made.steadied is None:
+        return f"the camera stands still in {clip}; nothing is stabilised"
+    right, down, turn = made.steadied
+    height, width = made.size
+    return (
+        f"the camera moves in {clip} by {right:.1f} px across, {down:.1f} px down and {turn:.2f}°, which is "
+        f"taken out; {width} × {height} px are left"
+    )
+
+
+def _offer(made: ts.volume.Loop) -> str:
+    """Offer a longer loop that costs a little more."""
+    if made.longer is None:
+        return ""
+    more = made.longer.cost / max(made.jumps[0].cost, 1e-9)
+    longer = f"--length {made.longer.period} --start {made.longer.enters}"
+    return f"; a longer loop costs {more:.1f} times as much: {longer}"
 
 
 def _options(clip: Clip, given: dict[str, Any]) -> dict[str, Any]:
@@ -220,6 +252,7 @@ def _options(clip: Clip, given: dict[str, Any]) -> dict[str, Any]:
         options["length"] = (lengths[0], lengths[-1])
     return options | {
         "level": given["level"],
+        "stabilise": given["stabilise"],
         "seed": given["seed"],
         "cost": ts.seam.MatchCost(law=given["law"]),
     }

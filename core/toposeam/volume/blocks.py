@@ -36,6 +36,7 @@ from toposeam.volume.heat.block_surface import (
 from toposeam.volume.heat.levels import refine
 from toposeam.volume.heat.method import SurfaceOptions, dilate, heat_surface
 from toposeam.volume.problem.canvas import Places
+from toposeam.volume.problem.cells import brightness, reach_of, window_sides
 from toposeam.volume.problem.surface_problem import SurfaceProblem
 
 #: Default side of a block, in voxels.
@@ -114,8 +115,8 @@ class _ReadByParts:
 
 
 def labels_by_blocks(
-    a: Any,
-    b: Any,
+    one: Any,
+    other: Any,
     places: Places,
     cost: MatchCost,
     spacing: Sequence[float],
@@ -123,8 +124,19 @@ def labels_by_blocks(
     data_range: float | None,
     keep: str | Path | None = None,
     progress: Callable[[float], None] | None = None,
+    cells: Any = None,
+    present: Any = None,
 ) -> Any:
     """Compute the labels of the common box, as a bool array, or as a dask array if `keep` names a folder.
+
+    Parameters
+    ----------
+    one, other : (D, H, W, C) dask arrays
+        What each stack shows of the common box.
+    cells : (D, H, W, K) dask array, optional
+        As for :func:`toposeam.volume.problem.cells.add_prices`.
+    present : (D, H, W) dask array of bool, optional
+        Where the first stack has voxels; everywhere by default.
 
     Raises
     ------
@@ -134,7 +146,9 @@ def labels_by_blocks(
     """
     array = _dask()
     ground = _face_grounds(places)
-    if not {A, B} <= set(ground.values()):
+    # Where the first stack has no voxels the second one goes on.
+    beyond = set(ground.values()) | ({B} if present is not None else set())
+    if not {A, B} <= beyond:
         raise OverlapError(
             "one stack does not reach beyond the other, which blocks cannot decide; join NumPy arrays, "
             "without block",
@@ -142,15 +156,15 @@ def labels_by_blocks(
             parameter=Term("block"),
             value=block,
         )
-    box = places.overlap
-    one, other = a[places.inside(box, "a")], b[places.inside(box, "b")]
     shape = one.shape[:3]
     span = coarse_span(shape)
-    coarse = coarse_labels(one, other, shape, span, ground, cost, spacing, block, data_range, progress)
+    coarse = coarse_labels(one, other, shape, span, ground, cost, spacing, block, data_range, progress, cells)
     chunks = tuple(_even_chunks(length, block) for length in shape)
     state = array.map_blocks(
         _first_state, chunks=chunks, dtype=np.uint8, coarse=coarse, span=span, ground=ground, shape=shape
     )
+    if present is not None:
+        state = array.where(present.rechunk(chunks), state, _FIXED | _SHOWS_B)
     run = secrets.token_hex(8)
     settings = {
         "cost": cost,
@@ -168,7 +182,7 @@ def labels_by_blocks(
                 {**depth, 3: 0} if part.ndim == 4 else depth,
                 "none",
             )
-            for part in (one, other)
+            for part in (one, other, *(() if cells is None else (cells,)))
         ]
         around = array.overlap.overlap(state.rechunk(cut), depth, "none")
         state = array.map_blocks(
@@ -185,6 +199,23 @@ def labels_by_blocks(
             return labels.compute()
         array.to_zarr(labels.rechunk((block,) * 3), str(keep))
     return array.from_zarr(str(keep))
+
+
+def prices_by_blocks(
+    one: Any, other: Any, spacing: Sequence[float], numbers: tuple[Any, Any] | None, block: int
+) -> Any:
+    """Return what :func:`toposeam.volume.counting.prices` does, as a dask array of dask arrays."""
+    array, sides = _dask(), window_sides(spacing)
+    parts = [part.rechunk((block, block, block, -1)) for part in (one, other)]
+    shown = array.maximum(*parts).max(axis=3)
+    depth = {axis: min(reach, shown.shape[axis]) for axis, reach in enumerate(reach_of(sides))}
+    bright = shown.map_overlap(brightness, depth=depth, boundary="none", dtype=np.uint8, sides=sides)
+    bright = bright[..., np.newaxis]
+    if numbers is None:
+        return bright
+    lazy = [as_dask(part, "cells").rechunk((block, block, block, 1)) for part in numbers]
+    together = array.concatenate([part.astype(np.int32) for part in (bright, *lazy)], axis=3)
+    return together.rechunk({3: -1})
 
 
 @contextmanager
@@ -296,6 +327,8 @@ def _solve_block(
     state: Bytes,
     a: Any,
     b: Any,
+    cells: Any = None,
+    *,
     cost: MatchCost,
     spacing: Sequence[float],
     data_range: float | None,
@@ -332,7 +365,10 @@ def _solve_block(
     here = tuple(box)
     side = np.where(free[here], FREE, np.where(labels[here], B, A)).astype(np.uint8)
     overlap = Overlap(side, np.ones(side.shape, bool), (0, 0, 0), side.shape)
-    problem = SurfaceProblem(overlap, block_costs(a[here], b[here], cost, spacing, data_range))
+    problem = SurfaceProblem(
+        overlap,
+        block_costs(a[here], b[here], cost, spacing, data_range, None if cells is None else cells[here]),
+    )
     with one_thread():
         solution, _ = heat_surface(problem, _BLOCK_OPTIONS, lambda _: _check_interrupted(run))
     if problem.cost(solution.labels) < problem.cost(labels[here]):

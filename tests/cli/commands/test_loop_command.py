@@ -126,10 +126,32 @@ def test_a_moving_camera_is_said(toposeam, tmp_path):
     ran = toposeam("loop", moving, "-o", tmp_path / "pan.gif")
     assert ran.code == 0, ran
     assert "the whole picture moves" in ran.err
-    assert "stabilise the clip first" in ran.err
+    assert "--stabilise takes that out" in ran.err
 
 
 @pytest.mark.medium
+@pytest.mark.medium
+def test_a_trembling_camera_is_taken_out(toposeam, tmp_path):
+    rng = np.random.default_rng(0)
+    y, x = np.indices((80, 100))
+    ground = np.repeat(rng.integers(0, 200, (10, 13)), 10, 0).repeat(10, 1)
+    (tmp_path / "frames").mkdir()
+    for t in range(24):
+        picture = np.where(
+            (y - 50) ** 2 + (x - 60) ** 2 < 200, 120 + 90 * np.cos(t * np.pi / 4), ground[:80, :100]
+        )
+        down, right = rng.integers(0, 4, 2)
+        Image.fromarray(picture[down : down + 70, right : right + 90].astype(np.uint8)).save(
+            tmp_path / f"frames/{t:02}.png"
+        )
+    ran = toposeam("loop", tmp_path / "frames", "-o", tmp_path / "out", "--stabilise")
+    assert ran.code == 0, ran
+    assert "the camera moves" in ran.err
+    assert "is taken out" in ran.err
+    with Image.open(min((tmp_path / "out").iterdir())) as picture:
+        assert "{} × {} px are left".format(*picture.size) in ran.err
+
+
 def test_apng_and_folders_keep_every_bit(toposeam, clip, tmp_path):
     for output in ("loop.png", "loop"):
         assert toposeam("loop", clip, "-o", tmp_path / output, "--length", "12").code == 0

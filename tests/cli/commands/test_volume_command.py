@@ -145,6 +145,68 @@ def test_offsets_outside(toposeam, pair, tmp_path):
     assert not out.exists()
 
 
+def test_three_stacks_in_turn(toposeam, tmp_path):
+    rng = np.random.default_rng(0)
+    whole = np.rint(9000 + 30000 * ndimage.gaussian_filter(rng.standard_normal((10, 40, 70)), 1.5)).astype(
+        np.uint16
+    )
+    parts = [(whole[:, :, :40], None), (whole[:, :24, 30:], "0,0,30"), (whole[:, 14:, 30:], "0,14,30")]
+    words = []
+    for place, (stack, offset) in enumerate(parts):
+        np.save(tmp_path / f"{place}.npy", stack)
+        words += [] if offset is None else ["--offset", offset]
+    files = [tmp_path / f"{place}.npy" for place in range(3)]
+    for more in ([], ["--block", "16"]):
+        ran = toposeam("volume", *files, *words, "-o", tmp_path / "j.npy", "--force", *more)
+        assert ran.code == 0, ran
+        np.testing.assert_array_equal(np.load(tmp_path / "j.npy"), whole)
+    out = ["-o", tmp_path / "k.npy"]
+    toposeam("volume", *files, "--offset", "0,0,30", *out).fails("3 stacks need 2 times --offset")
+    toposeam("volume", files[0], "--offset", "0,0,30", *out).fails("a second one is needed")
+    toposeam("volume", *files, *words, *out, "--mesh", tmp_path / "m.ply").fails("join two at a time")
+    toposeam("volume", *files, *words[:2], "--offset", "0,90,30", *out).fails("at offset 0,90,30")
+    np.save(files[2], parts[2][0].astype(np.uint8))
+    toposeam("volume", *files, *words, *out).fails("0.npy has dtype uint16 and 2.npy has uint8")
+
+
+def test_segmentations_get_through(toposeam, pair, tmp_path):
+    _, *files = pair
+    cells = np.zeros((12, 24, 70), np.uint8)
+    cells[3:9, 6:18, 28:42], cells[3:9, 6:18, 50:60] = 1, 2
+    save(tmp_path / "ca.npy", cells[:, :, :40])
+    save(tmp_path / "cb.npy", np.where(cells > 0, cells + 7, 0).astype(np.uint8)[:, :, 30:])
+    avoid = ["--avoid", tmp_path / "ca.npy", "--avoid", tmp_path / "cb.npy"]
+    out = ["--offset", "0,0,30", "-o", tmp_path / "j.npy"]
+    assert toposeam("volume", *files, *out, *avoid, "--cells", tmp_path / "cells.tif").code == 0
+    found = read(tmp_path / "cells.tif")[0]
+    assert found.dtype == np.uint16
+    np.testing.assert_array_equal(found > 0, cells > 0)
+    assert set(np.unique(found[cells == 1])) == {1}
+    toposeam("volume", *files, *out, "--force", "--avoid", tmp_path / "cells.tif").fails(
+        "one for each of the 12×24×40 voxels of a.ome.tif"
+    )
+    toposeam("volume", *files, *out, "--force", "--cells", tmp_path / "c.tif").fails("give --avoid, too")
+
+
+def test_unlike_light_is_told_and_matched(toposeam, tmp_path):
+    whole, a, b = stacks()
+    files = [save(tmp_path / "a.npy", a), save(tmp_path / "b.npy", (0.7 * b).astype(np.uint16))]
+    words = ["volume", *files, "--offset", "0,0,30", "-o", tmp_path / "j.npy", "--force"]
+    ran = toposeam(*words)
+    assert "b.npy has 0.70 times the light" in ran.err
+    ran = toposeam(*words, "--match-tones")
+    assert not ran.err
+    apart = np.abs(np.load(tmp_path / "j.npy") - whole.astype(float))
+    assert apart.max() < 0.05 * whole.max()
+
+
+def test_parts_of_voxels_are_refused(toposeam, pair, tmp_path):
+    _, *files = pair
+    toposeam("volume", *files, "--offset", "0,0.5,30", "-o", tmp_path / "j.npy").fails(
+        "resample the stack", 2
+    )
+
+
 @pytest.mark.parametrize("share", [0.2, 0.9])
 @pytest.mark.parametrize("suffix", [".ome.tif", ".tif", ".npy"])
 def test_truncated_files(toposeam, tmp_path, suffix, share):

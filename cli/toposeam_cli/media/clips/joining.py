@@ -57,6 +57,7 @@ def join_clips(job: ClipJob, progress: Callable[[float], None] | None = None) ->
             offset=(t, y, x),
             spacing=_SPACING,
             cost=None if job.law is None else ts.seam.MatchCost(law=job.law),
+            cells=False,
             progress=progress,
         )
     except ts.OverlapError as error:

@@ -1,5 +1,6 @@
 from .period import Jump
 from .result import Loop
+from .steady import moved, steadied
 from .verdict import LoopVerdict
 from .walk import closed_walk
 
@@ -8,4 +9,6 @@ __all__ = [
     "Loop",
     "LoopVerdict",
     "closed_walk",
+    "moved",
+    "steadied",
 ]

@@ -21,6 +21,7 @@ from toposeam.volume.clip.frames import ClipFrames, as_clip, reduced_shares
 from toposeam.volume.clip.levelling import remove_light_difference
 from toposeam.volume.clip.period import Jump, good_jumps, moving_weights, small_mask
 from toposeam.volume.clip.result import Light, Loop, white_of
+from toposeam.volume.clip.steady import steadied
 from toposeam.volume.clip.survey import Survey, survey_of
 from toposeam.volume.clip.trial import Stretches, Trial, light_of, most_visible, stretches_of
 from toposeam.volume.clip.verdict import LoopVerdict, camera_motion
@@ -40,6 +41,8 @@ _TOLERANCE = 0.01
 _JUMPS = 12
 #: Share of the progress that reading the clip takes.
 _SURVEY_SHARE = 0.3
+#: Share of the progress that measuring the camera takes.
+_STEADY_SHARE = 0.3
 
 
 def loop(
@@ -50,6 +53,7 @@ def loop(
     transition: int | None = None,
     level: bool | None = None,
     still: npt.ArrayLike | None = None,
+    stabilise: bool = False,
     grow: int | None = None,
     seed: Seed = 0,
     gradient: bool | None = None,
@@ -87,6 +91,9 @@ def loop(
     still : (H, W) array_like, optional
         True where the picture stands still (a cinemagraph). There the loop shows the frame that fits its
         surroundings best.
+    stabilise : bool
+        Take the shift and the turn of a trembling camera out of the longest shot first, and crop the frames
+        to what all of them show. `still` is of the frames' size before.
     grow : int, optional
         Least number of frames of a grown clip, instead of `length` and `start`. It jumps back and forth
         between similar moments, in an order drawn by `seed`.
@@ -144,12 +151,12 @@ def loop(
     moving = np.ones(clip.shape[1:3], bool)
     if still is not None:
         moving = ~as_mask(still, (clip.shape[1], clip.shape[2]), "still")
-        if not moving.any():
-            raise OptionError(
-                "{parameter} covers the whole picture; leave something that moves",
-                kind="nothing moves",
-                parameter=Term("still"),
-            )
+    check_choice("stabilise", stabilise, (True, False))
+    taken = None
+    if stabilise:
+        clip, moving, taken = _steady(clip, moving, data_range, _progress_part(progress, 0, _STEADY_SHARE))
+        progress = _progress_part(progress, _STEADY_SHARE, 1 - _STEADY_SHARE)
+    _check_moving(moving)
     if cost is not None:
         check_kind("cost", cost, MatchCost, "a MatchCost")
     match = check_no_reach(match_options(gradient, cost), "surfaces")
@@ -165,10 +172,12 @@ def loop(
     named = "the clip" if count == clip.count else f"the shot of frames {shot[0]} to {shot[1] - 1}"
     transition = _transition(transition, count, length, named)
     trial = Trial(survey=survey, transition=transition, moving=moving, cost=match, spacing=spacing)
+    longer: Jump | None = None
     with one_thread():
         if grow is None:
             first = None if start is None else start - shot[0]
-            jump, level = trial.choose(*_bounds(length, first, transition, count, named), level)
+            bounds = _bounds(length, first, transition, count, named)
+            jump, level, longer = trial.choose(*bounds, level)
             walk = [jump]
         else:
             _check_grown(check_whole("grow", grow, 2 * transition, 10**7), clip)
@@ -179,6 +188,7 @@ def loop(
         "length": length,
         "start": start,
         "transition": transition,
+        "stabilise": stabilise,
         "grow": grow,
         "seed": chosen,
         "spacing": spacing,
@@ -215,10 +225,8 @@ def loop(
     light = light_of(walk, stretches, labels, on) if level else None
     shows, frame, where = most_visible(walk, stretches, labels, on, light, (survey.low, survey.high), survey)
     made = Loop(
-        jumps=tuple(
-            dataclasses.replace(jump, leaves=jump.leaves + shot[0], enters=jump.enters + shot[0])
-            for jump in walk
-        ),
+        jumps=tuple(jump.later(shot[0]) for jump in walk),
+        longer=longer,
         surfaces=tuple(surfaces[jump] for jump in walk),
         side=side,
         transition=transition,
@@ -230,6 +238,7 @@ def loop(
             moved=camera_motion(survey, (clip.shape[1], clip.shape[2])),
         ),
         settings=settings,
+        steadied=taken,
         _clip=clip,
         _flat=flat,
         _light=None
@@ -247,6 +256,25 @@ def loop(
         return made
     used = np.unique(made.source) - shot[0]
     return dataclasses.replace(made, _moving=moving, _still_frame=shot[0] + trial.still_frame(used.tolist()))
+
+
+def _check_moving(moving: Mask) -> None:
+    if not moving.any():
+        raise OptionError(
+            "{parameter} covers the whole picture; leave something that moves",
+            kind="nothing moves",
+            parameter=Term("still"),
+        )
+
+
+def _steady(
+    clip: ClipFrames, moving: Mask, data_range: float | None, progress: Callable[[float], None] | None
+) -> tuple[ClipFrames, Mask, tuple[float, float, float] | None]:
+    """Take the motion of the camera out of a clip; return it, its mask, and the ranges of the motion."""
+    steady = steadied(clip, data_range, progress)
+    if steady is None:
+        return clip, moving, None
+    return ClipFrames(steady, 0, clip.count), steady.cropped(moving), steady.ranges
 
 
 def _check_grown(grow: int, clip: ClipFrames) -> None:

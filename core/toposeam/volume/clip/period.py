@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +21,8 @@ _FINALISTS = 8
 _LONGER, _LONGER_FINALISTS = (1 / 3, 2 / 3), 2
 #: Of loops whose cost exceeds the least by at most one of these shares, the longest is tried, in this order.
 _EXTRA_COST = (0.5, 0.1, 0.0)
+#: Cost of loops, as a multiple of the least, up to which longer ones are offered.
+_OFFERED_COST = 2.0
 #: Number of moments up to which all are compared, and of jumps of longer clips that are refined.
 _MOST_MOMENTS, _REFINED = 2000, 60
 
@@ -47,6 +49,10 @@ class Jump:
     def period(self) -> int:
         """Number of frames that repeat if this is the only jump."""
         return self.leaves - self.enters
+
+    def later(self, frames: int) -> Jump:
+        """Return the jump as of a clip that begins so many frames earlier."""
+        return replace(self, leaves=self.leaves + frames, enters=self.enters + frames)
 
 
 def small_mask(mask: Mask, shape: tuple[int, int]) -> Mask:
@@ -85,10 +91,11 @@ def likely_jumps(
     moving: Mask,
     cost: MatchCost,
     spacing: Sequence[float],
-) -> list[Jump]:
+) -> tuple[list[Jump], list[Jump]]:
     """Find jumps back by which a clip repeats with little visible change, in the order in which to try them.
 
-    First come the longest that cost little more than the cheapest, in the end the cheapest.
+    First come the longest that cost little more than the cheapest, in the end the cheapest. Also returns
+    longer ones, the longest first, that cost at most twice as much as the cheapest.
 
     Parameters
     ----------
@@ -116,7 +123,8 @@ def likely_jumps(
         max((jump for jump in joined if jump.cost <= (1 + extra) * least), key=lambda jump: jump.period)
         for extra in _EXTRA_COST
     ]
-    return list(dict.fromkeys(order))
+    dear = [jump for jump in joined if jump.cost <= _OFFERED_COST * least]
+    return list(dict.fromkeys(order)), sorted(dear, key=lambda jump: -jump.period)
 
 
 def _all_jumps(

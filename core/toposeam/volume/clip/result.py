@@ -54,6 +54,8 @@ class Loop:
 
     #: The jumps back (and forth) in order; a plain loop has one.
     jumps: tuple[Jump, ...]
+    #: The jump of a longer loop that shows no more and costs a little more; None if there is none.
+    longer: Jump | None = None
     #: The surface of each jump, along which pixels change from one stretch to the other; axis 0 is time. Of
     #: large frames it is found on squares of `side` px.
     surfaces: tuple[Surface, ...] = field(repr=False)
@@ -64,6 +66,8 @@ class Loop:
     shot: tuple[int, int]
     #: Visibility of the changes.
     verdict: LoopVerdict
+    #: Ranges of the camera's motion that was taken out, px across and down, and degrees; None if none was.
+    steadied: tuple[float, float, float] | None = None
     #: The settings that make the loop again.
     settings: dict[str, Any] = field(default_factory=dict, repr=False)
     _clip: ClipFrames = field(repr=False)
@@ -94,6 +98,11 @@ class Loop:
     def __iter__(self) -> Iterator[Volume]:
         """Paint frame after frame."""
         return (frame for block in self.blocks() for frame in block)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Height and width of the frames, px."""
+        return self._clip.shape[1:3]
 
     @property
     def start(self) -> int:

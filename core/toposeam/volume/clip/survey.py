@@ -65,12 +65,17 @@ class Survey:
 
     def shots(self) -> list[tuple[int, int]]:
         """Find the shots between cuts: number of the first frame of each, and of the first one after it."""
-        steps = np.abs(np.diff(self.small, axis=0)).mean(axis=(1, 2, 3))
-        # Of clips that show frames twice half of the steps are none.
-        moved = steps[steps > _REPEATED]
-        least = max(_LEAST_CUT, _CUT_STEPS * float(np.median(moved)) if len(moved) else 0.0)
-        cuts = [0, *(np.flatnonzero(steps > least) + 1).tolist(), len(self.small)]
-        return list(itertools.pairwise(cuts))
+        return cuts_of(self.small)
+
+
+def cuts_of(small: Floats32) -> list[tuple[int, int]]:
+    """Find the shots of small frames, (T, h, w, C)."""
+    steps = np.abs(np.diff(small, axis=0)).mean(axis=(1, 2, 3))
+    # Of clips that show frames twice half of the steps are none.
+    moved = steps[steps > _REPEATED]
+    least = max(_LEAST_CUT, _CUT_STEPS * float(np.median(moved)) if len(moved) else 0.0)
+    cuts = [0, *(np.flatnonzero(steps > least) + 1).tolist(), len(small)]
+    return list(itertools.pairwise(cuts))
 
 
 def survey_of(

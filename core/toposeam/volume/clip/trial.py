@@ -21,6 +21,8 @@ from toposeam.volume.clip.walk import walk_length
 
 #: Values of the light that levels a loop, in one channel; on larger loops it is found on larger squares.
 _MOST_LIGHT = 1.6e7
+#: Least length of a loop that is offered, as a multiple of the chosen one's; number of those that are tried.
+_LONGER, _OFFERS = 1.25, 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -123,22 +125,35 @@ class Trial:
 
     def choose(
         self, lengths: tuple[int, int], starts: tuple[int, int], level: bool | None
-    ) -> tuple[Jump, bool]:
-        """Choose a jump, and whether to level: the first likely one that will not be seen, else the best."""
-        likely = likely_jumps(
+    ) -> tuple[Jump, bool, Jump | None]:
+        """Choose a jump, and whether to level: the first likely one that will not be seen, else the best.
+
+        Also returns the jump, in the clip, of a loop that is longer by a quarter, shows no more, and costs a
+        little more; None if there is none.
+        """
+        likely, dear = likely_jumps(
             self.survey.small, self.transition, lengths, starts, self.compared, self.cost, self.spacing
         )
         if len(likely) == 1 and level is not None:
-            return likely[0], level
+            return likely[0], level, None
         best = (np.inf, likely[0], bool(level))
         for jump in likely:
             labels = self._labels(jump)
             for levelled in (False, True) if level is None else (level,):
                 shows = self._shows(jump, labels, levelled)
                 if shows <= 1:
-                    return jump, levelled
+                    return jump, levelled, self._longer(jump, levelled, 1.0, dear)
                 best = min(best, (shows, jump, levelled), key=lambda one: one[0])
-        return best[1:]
+        shows, jump, levelled = best
+        return jump, levelled, self._longer(jump, levelled, shows, dear)
+
+    def _longer(self, chosen: Jump, levelled: bool, shows: float, dear: Sequence[Jump]) -> Jump | None:
+        """Find the longest jump that shows no more; some are tried."""
+        longer = [jump for jump in dear if jump.period >= _LONGER * chosen.period][:_OFFERS]
+        for jump in longer:
+            if self._shows(jump, self._labels(jump), levelled) <= shows:
+                return jump.later(self.survey.first)
+        return None
 
     def shows(self, jump: Jump) -> float:
         """Return how much shows of a jump that is not levelled."""

@@ -14,6 +14,7 @@ from toposeam.heat.threads import one_thread
 from toposeam.seam.problem.match_cost import MatchCost
 from toposeam.seam.problem.overlap import FREE, A, B, Overlap
 from toposeam.volume.heat.method import SurfaceOptions, heat_surface
+from toposeam.volume.problem.cells import add_prices
 from toposeam.volume.problem.posing import face_areas, match_costs
 from toposeam.volume.problem.surface_problem import SurfaceProblem
 
@@ -47,6 +48,7 @@ def coarse_labels(
     block: int,
     data_range: float | None,
     progress: Callable[[float], None] | None,
+    cells: Any = None,
 ) -> Mask:
     """Find the labels of the coarse voxels in the common box of two stacks.
 
@@ -64,6 +66,8 @@ def coarse_labels(
         As for :func:`toposeam.join_volumes`.
     block : int
         Side, in voxels, of the blocks that are read at once.
+    cells : (D, H, W, K) dask array, optional
+        As for :func:`toposeam.volume.problem.cells.add_prices`.
     """
     import dask
 
@@ -90,7 +94,15 @@ def coarse_labels(
             inner = tuple(first - before for first, before in zip(corner, low, strict=True))
             tasks.append(
                 dask.delayed(_coarse_costs, pure=False)(
-                    a[part], b[part], inner, tuple(sides), span, cost, tuple(spacing), data_range
+                    a[part],
+                    b[part],
+                    inner,
+                    tuple(sides),
+                    span,
+                    cost,
+                    tuple(spacing),
+                    data_range,
+                    None if cells is None else cells[part],
                 )
             )
         for corner, found in zip(row, dask.compute(*tasks), strict=True):
@@ -118,10 +130,11 @@ def _coarse_costs(
     cost: MatchCost,
     spacing: Sequence[float],
     data_range: float | None,
+    cells: Any,
 ) -> tuple[Floats32, ...]:
     """Compute the costs between the coarse voxels of a block, and to their neighbours above it."""
     result = []
-    for axis, fine in enumerate(block_costs(a, b, cost, spacing, data_range)):
+    for axis, fine in enumerate(block_costs(a, b, cost, spacing, data_range, cells)):
         box = tuple(slice(first, first + side) for first, side in zip(inner, sides, strict=True))
         faces = fine[box][along(axis, slice(span[axis] - 1, None, span[axis]))]
         across = [1 if place == axis else side for place, side in enumerate(span)]
@@ -133,13 +146,15 @@ def _coarse_costs(
 
 
 def block_costs(
-    a: Any, b: Any, cost: MatchCost, spacing: Sequence[float], data_range: float | None
+    a: Any, b: Any, cost: MatchCost, spacing: Sequence[float], data_range: float | None, cells: Any = None
 ) -> tuple[Floats32, ...]:
     """Compute the match cost along three axes within a block, weighted by the areas of faces."""
     shape = a.shape[:3]
     everywhere = np.ones(shape, bool)
     overlap = Overlap(np.full(shape, FREE, np.uint8), everywhere, (0, 0, 0), shape)
     costs = match_costs(np.asarray(a), np.asarray(b), overlap, everywhere, everywhere, cost, None, data_range)
+    if cells is not None:
+        add_prices(costs, np.asarray(cells))
     for part, area in zip(costs, face_areas(spacing), strict=True):
         part *= area
     return costs

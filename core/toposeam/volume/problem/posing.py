@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +17,7 @@ from toposeam.seam.problem.match_cost import MatchCost, match_cost
 from toposeam.seam.problem.overlap import FREE, A, B, Overlap
 from toposeam.seam.problem.posing import as_weights, forbid, placed
 from toposeam.volume.problem.arrays import as_shares, as_volume
+from toposeam.volume.problem.cells import add_prices
 from toposeam.volume.problem.surface_problem import SurfaceProblem
 
 #: Size of the blocks, in voxels, about, by which the match cost is computed, to bound memory.
@@ -37,8 +39,9 @@ def surface_problem(
     speck: float | None = None,
     channel_axis: int | None = None,
     data_range: float | None = None,
+    cells: npt.NDArray[Any] | None = None,
 ) -> tuple[SurfaceProblem, Mask]:
-    """Pose the problem of :func:`toposeam.find_surface`.
+    """Pose the problem of :func:`toposeam.find_surface`; `cells` are those of :mod:`.cells`, on the canvas.
 
     Returns
     -------
@@ -72,6 +75,8 @@ def surface_problem(
     costs = match_costs(
         overlap.window(volume_a), overlap.window(volume_b), overlap, on_a, on_b, cost, factor, data_range
     )
+    if cells is not None:
+        add_prices(costs, overlap.window(cells))
     for part, area in zip(costs, face_areas(spacing), strict=True):
         part *= area
     forbidden = float("inf")

@@ -11,6 +11,7 @@ from typing import Any, Unpack
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Volume
 from toposeam.checks import (
     check_choice,
     check_function,

@@ -201,7 +201,7 @@ def as_reduced(
 
     Examples
     --------
-    >>> as_reduced(np.array([[0, 255], [255, 255]], np.uint8), 2).ravel()
+    >>> as_reduced(np.array([[0, 255], [255, 255]], np.uint8), 2).ravel().round(6)
     array([0.75], dtype=float32)
     """
     array = as_array(image, name)

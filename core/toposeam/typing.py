@@ -35,7 +35,7 @@ Turns = Literal["none", "mirror", "quarters", "all"]
 TURNS: tuple[Turns, ...] = get_args(Turns)
 #: How a texture is grown: the setting that is judged to be best, or a named one.
 Setting = Literal["auto", "coarse", "coarse-mixed", "fine", "fine-mixed", "varied"]
-SETTINGS: tuple[Setting, ...] = get_args(Setting)
+SETTING_NAMES: tuple[Setting, ...] = get_args(Setting)
 #: What fills a hole.
 By = Literal["auto", "patches", "shifts"]
 BYS: tuple[By, ...] = get_args(By)
@@ -46,18 +46,6 @@ SURFACE_METHODS: tuple[SurfaceMethod, ...] = get_args(SurfaceMethod)
 MOST_BENT = 32
 
 __all__ = [
-    "BLENDS",
-    "BYS",
-    "EFFORTS",
-    "LAWS",
-    "METHODS",
-    "MODELS",
-    "MOST_BENT",
-    "PROJECTIONS",
-    "SETTINGS",
-    "SIDES",
-    "SURFACE_METHODS",
-    "TURNS",
     "Blend",
     "By",
     "Effort",

@@ -638,7 +638,7 @@ def turn(tmp_path_factory, around):
     before = Path.cwd()
     os.chdir(folder)
     try:
-        words = *ROUND, "--crop", "outside", "--save-layout", "turn.toml", "-o", "turn.png"
+        words = *ROUND, "--crop", "outside", "--save-layout", "turn.toml", "-o", "turn.png", "-v"
         ran = CliRunner().invoke(main, ["stitch", *words])
     finally:
         os.chdir(before)

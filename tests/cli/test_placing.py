@@ -262,11 +262,11 @@ def test_of_many_strangers_the_first_pairs_are_named(folder, toposeam):
     assert "warning: the same holds for 2 more pairs of pictures\n" in ran.err
 
 
-def test_folders_and_layouts_are_not_taken_for_pictures(unlike, toposeam):
+def test_folders_and_layouts_are_no_pictures(unlike, toposeam):
     folder = unlike[0].parent
     (folder / "photos").mkdir()
     toposeam("stitch", "photos", "-o", "o.png").fails(
-        "'photos' is a folder; give the pictures in it, like photos"
+        "the folder 'photos' holds 0 pictures; put two or more there"
     )
     (folder / "placed.toml").write_text("")
     toposeam("stitch", "placed.toml", "a.png", "-o", "o.png").fails(

@@ -148,7 +148,7 @@ _GUIDE = (
 @option(
     "--setting",
     heading="Texture",
-    type=click.Choice(ts.typing.SETTINGS),
+    type=click.Choice(ts.typing.SETTING_NAMES),
     default="auto",
     show_default=True,
     help="Patches of a few elements (fine) or half as large as SOURCE (coarse); those that fit best, mixed "

@@ -41,6 +41,7 @@ class PatchSetting(NamedTuple):
     variation: float
 
 
+#: Of each name.
 SETTINGS: dict[SettingName, PatchSetting] = {
     "coarse": PatchSetting(True, 0.0),
     "coarse-mixed": PatchSetting(True, 0.25),

@@ -487,7 +487,7 @@ def test_a_preview_of_what_is_never_finished_goes(toposeam, folder, monkeypatch)
         assert Path("p.png").exists()
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(ts, "synthesize", interrupted)
+    monkeypatch.setattr(ts, "synth", interrupted)
     ran = toposeam("synth", "moss.png", *ASKED, "-o", "out.png", "--preview", "p.png")
     assert ran.code == 130
     assert not Path("p.png").exists()

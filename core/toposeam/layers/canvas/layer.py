@@ -15,6 +15,7 @@ from toposeam.arrays import Image, Mask
 from toposeam.checks import check_kind, check_number, check_pair
 from toposeam.errors import ImageError, OptionError, Term
 from toposeam.images import MAX_PIXELS, Windows, as_array, as_mask, full_scale
+from toposeam.sentence import counted
 
 #: Default of the largest number of megapixels of a canvas.
 MAX_MEGAPIXELS = MAX_PIXELS / 1e6
@@ -254,9 +255,9 @@ def check_layers(layers: Sequence[Layer]) -> Sequence[Layer]:
     if len(given) < 2 and all(isinstance(layer, Layer) or _is_picture(layer) for layer in given):
         kind = "picture" if given and not isinstance(given[0], Layer) else "layer"
         raise OptionError(
-            f"{{count}} {kind}{' was' if len(given) else 's were'} given; pass a list of at least two",
+            "{given} given; pass a list of at least two",
             kind="few layers",
-            count=len(given),
+            given=f"{counted(len(given), kind)} {'was' if len(given) == 1 else 'were'}",
         )
     for index, layer in enumerate(given):
         if not isinstance(layer, Layer):

@@ -10,6 +10,7 @@ import numpy.typing as npt
 import scipy
 
 from toposeam.arrays import Floats32, Image, Mask
+from toposeam.checks import check_kind
 from toposeam.errors import TopoSeamError
 from toposeam.images import Windows, box_of, full_scale
 from toposeam.layers.boundary.fit import fitted_box
@@ -51,7 +52,16 @@ def fitted(composed: Composition) -> Composition:
     -------
     Composition
         Opaque everywhere if a rectangle is; its :attr:`~Composition.filled` is the share that was filled.
+
+    Examples
+    --------
+    >>> import numpy as np, toposeam as ts
+    >>> wall = np.random.default_rng(0).random((80, 90))
+    >>> joined = ts.stitch([ts.Layer(wall[:, :60]), ts.Layer(wall[30:, 40:], at=(40, 30))])
+    >>> joined.shape, fitted(joined).shape, fitted(joined).alpha is None
+    ((80, 90), (80, 60), True)
     """
+    check_kind("composed", composed, Composition, "the result of stitch")
     canvas = composed.canvas
     left, top = canvas.origin
     places = [similarity(layer.at) for layer in composed.layers]

@@ -208,7 +208,7 @@ def _between_masks(mask_a: Mask, mask_b: Mask, core: float, speck: float | None)
     overlap = Overlap(side, shared, start, frame.canvas)
     if not ((side[shared] == A).any() and (side[shared] == B).any()) and not (side == FREE).any():
         raise OverlapError(
-            f"nothing divides the {{patches}}: {_why_undivided(shared, own)}", kind="nothing between"
+            "nothing divides the {patches}: {why}", kind="nothing between", why=_why_undivided(shared, own)
         )
     return overlap
 

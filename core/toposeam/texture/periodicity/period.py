@@ -122,12 +122,16 @@ def given_order(lattice: npt.ArrayLike) -> Order:
 
     Examples
     --------
-    >>> given_order((16, 40, 20)).periods.round(6).tolist()
+    >>> (given_order((16, 40, 20)).periods.round(6) + 0.0).tolist()
     [[16.0, 20.0], [0.0, 40.0]]
     >>> given_order((12.5, 0)).periods.round(6).tolist()
     [[12.5, 0.0]]
     """
-    if np.ndim(lattice) == 2:
+    try:
+        shifts = np.ndim(lattice) == 2
+    except ValueError as error:  # rows of several lengths
+        raise _no_lattice(lattice) from error
+    if shifts:
         return _spanned(lattice)
     wanted = "two periods, px, and a shift of each row"
     given = [check_number("lattice", one) for one in check_items("lattice", lattice, object, wanted)]

@@ -9,12 +9,10 @@ from pathlib import Path
 
 import toposeam as ts
 from toposeam.sentence import counted
+from toposeam_cli.files.writing import PICTURE_SUFFIXES
 
 #: Suffixes of files that are taken for pictures.
-PICTURES = (
-    *(".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp"),
-    *(".heic", ".heif", ".hif", ".avif", ".bmp", ".jp2", ".gif"),
-)
+PICTURES = (*PICTURE_SUFFIXES, ".heic", ".heif", ".hif", ".avif", ".bmp", ".jp2", ".gif")
 
 
 def in_folders(paths: Sequence[Path], output: Path) -> tuple[list[Path], list[str]]:

@@ -303,10 +303,15 @@ def kind_of(transforms: Sequence[Transform], finding: FindingOptions, *, found: 
 
 def is_fitted(transforms: Sequence[Transform], finding: FindingOptions, out: Outputs, *, found: bool) -> bool:
     """Test whether the boundary of a canvas is bent towards a rectangle."""
-    if out.crop is not None or out.output.suffix.lower() == ".ora":
-        return out.crop == "fit"
-    given = out.background is not None or out.fill_edges is not None
-    return not given and kind_of(transforms, finding, found=found) == "photographs"
+    return _crop(out, kind_of(transforms, finding, found=found)) == "fit"
+
+
+def _crop(out: Outputs, kind: str) -> str | None:
+    """Return what is kept of a picture: what is asked for, or the default of its kind, if it has one."""
+    holes = out.background is not None or out.output.suffix.lower() == ".ora"
+    if out.crop is not None or kind != "photographs" or holes:
+        return out.crop
+    return "fit" if out.fill_edges is None else "inside"
 
 
 def with_defaults(find: SeamOptions, out: Outputs, kind: str) -> tuple[SeamOptions, Outputs]:
@@ -320,6 +325,4 @@ def with_defaults(find: SeamOptions, out: Outputs, kind: str) -> tuple[SeamOptio
         match_shading=bool(shading),
         blend=find.of_stitch("blend") or ("auto" if photographs else "none"),
     )
-    if photographs and out.crop is None and out.background is None and out.output.suffix.lower() != ".ora":
-        out = replace(out, crop="inside" if out.fill_edges is not None else "fit")
-    return find, out
+    return find, replace(out, crop=_crop(out, kind))

@@ -113,7 +113,7 @@ def tone_gains(
         Of each layer.
     """
     count = len(layers)
-    channels = max(1 if layer.image.ndim == 2 else layer.image.shape[2] for layer in layers)
+    channels = _most_channels(layers)
     logarithm = np.zeros((count, channels))
     later = [[j for j in range(i + 1, count) if all(places[i].shared(places[j]).shape)] for i in range(count)]
     placed = list(zip(layers, places, strict=True))
@@ -142,7 +142,7 @@ def burnt_apart(layers: Sequence[Layer], places: Sequence[Box]) -> bool:
 
     What is burnt out has lost its light and its hue, so that no gain makes such layers agree there.
     """
-    count = max(1 if layer.image.ndim == 2 else layer.image.shape[2] for layer in layers)
+    channels = _most_channels(layers)
     placed = list(zip(layers, places, strict=True))
     for a, b in itertools.combinations(placed, 2):
         common = a[1].shared(b[1])
@@ -154,10 +154,14 @@ def burnt_apart(layers: Sequence[Layer], places: Sequence[Box]) -> bool:
         for (values, _), (layer, _) in zip(windows, (a, b), strict=True):
             burnt |= values.max(axis=2) >= _BURNT * layer.white
         if known.any() and burnt[known].mean() > _BURNT_SHARE:
-            ratios = _log_ratios((*a, *b, count, False))
+            ratios = _log_ratios((*a, *b, channels, False))
             if any(ratio is not None and abs(ratio[0]) > _APART for ratio in ratios):
                 return True
     return False
+
+
+def _most_channels(layers: Sequence[Layer]) -> int:
+    return max(1 if layer.image.ndim == 2 else layer.image.shape[2] for layer in layers)
 
 
 def match_tones(

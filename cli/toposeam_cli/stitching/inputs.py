@@ -210,10 +210,6 @@ class _Reading:
             self.lost.append(self.names[self.numbers.pop(number)])
         self.reasons += [reasons[number] for number in sorted(reasons) if number not in silently]
 
-    def forget_boundary(self, turned: bool) -> None:
-        """Forget the boundary of a layout whose canvas shows another view."""
-        self.boundary = None if turned else self.boundary
-
     def _with_remedy(self, error: ts.ImageError, count: int) -> ts.ImageError:
         """Point to ``--skip-bad`` in an error about one of `count` pictures, if enough would be left."""
         return error if self.skips is None else with_skip_bad(error, count)
@@ -306,7 +302,7 @@ def arrange(
     sources, wrap = _sources(files, where, reading, 1 if alone else 2)
     shown = sources
     sources, wrap, finding = _viewed(sources, wrap, finding)
-    reading.forget_boundary(sources is not shown or (finding is not None and finding.horizon is not None))
+    turned = sources is not shown or (finding is not None and finding.horizon is not None)
     pictures = match_pictures([source.picture for source in sources], keep)
     transforms = _given_places(sources, pictures, where, reading, len(files), alone=alone)
     notes = [noted(source.file) for source in sources]
@@ -322,7 +318,7 @@ def arrange(
     most = canvas_megapixels(max_megapixels, pixels)
     place = _Laying(
         lay or partial(placed_layers, scratch=kept, executor=executor, max_megapixels=most),
-        reading.boundary,
+        None if turned else reading.boundary,  # which is that of another view
         fits,
         not transforms,
     )

@@ -14,6 +14,8 @@ LONGEST, _MOST_POINTS = 1 << 18, 4096
 _FARTHEST = 1e5
 _KINDS = ("show", "hide", "away")
 FORMATS = ("jpg", "png", "tif", "webp", "ora")
+#: The crop that is drawn on the page.
+BY_HAND = "box"
 #: Settings that a page may choose, and their values.
 SETTINGS: dict[str, tuple[str, ...]] = {
     "model": ("auto", "shift", "similarity", "plane", "rotation"),
@@ -21,7 +23,7 @@ SETTINGS: dict[str, tuple[str, ...]] = {
     "level": ("yes", "no"),
     "blend": ("auto", "none", "feather", "soft", "multiband", "gradient"),
     "tones": ("none", "gains", "shading"),
-    "crop": ("fit", "inside", "outside"),
+    "crop": ("fit", "inside", "outside", BY_HAND),
 }
 
 
@@ -86,6 +88,13 @@ def _point(message: dict[str, Any]) -> dict[str, Any]:
     return {"x": _number(message["x"]), "y": _number(message["y"])}
 
 
+def _rectangle(message: dict[str, Any]) -> list[float]:
+    (left, top), (width, height) = _points({"points": message["box"]}, 2, 2)
+    if min(width, height) < 1:
+        raise MessageError("box")
+    return [max(0.0, left), max(0.0, top), width, height]
+
+
 def _settings(message: dict[str, Any]) -> dict[str, Any]:
     given = message["settings"]
     return {"settings": {name: _one_of(given[name], SETTINGS[name]) for name in given}}
@@ -119,6 +128,7 @@ _MEANINGS: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "stroke": _stroke,
     "erase": _line,
     "horizon": lambda message: {"points": _points(message, 2, 2)},
+    "crop": lambda message: {"box": _rectangle(message)},
     "undo": _nothing,
     "redo": _nothing,
     "refresh": _nothing,

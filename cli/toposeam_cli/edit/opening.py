@@ -11,10 +11,12 @@ from typing import Any
 
 import click
 import numpy as np
+from click.core import ParameterSource
 
 import toposeam as ts
 from toposeam.arrays import Labels
 from toposeam.layers.blending.blend import blending_of
+from toposeam.layers.canvas.largest_rectangle import largest_full
 from toposeam.layers.canvas.layer import Box
 from toposeam_cli.app.options import taken
 from toposeam_cli.app.registry import load
@@ -25,7 +27,7 @@ from toposeam_cli.files.writing import all_or_nothing, atomic_write
 from toposeam_cli.media.layouts.layout import Layout, LayoutStroke
 from toposeam_cli.stitching.inputs import PlacedPictures, arrange
 from toposeam_cli.stitching.joining import join
-from toposeam_cli.stitching.outputs import Outputs
+from toposeam_cli.stitching.outputs import Outputs, box_of_crop
 from toposeam_cli.stitching.place_options import FindingOptions, is_fitted, kind_of, with_defaults
 from toposeam_cli.stitching.positions import LAYOUTS, Where
 from toposeam_cli.stitching.saved_layout import saved_layout, taken_layout
@@ -52,7 +54,31 @@ class Opened:
     warnings: tuple[str, ...]
     #: The layout that was opened.
     layout: Layout | None
-    _saved: Callable[[Path, Mapping[str, Any]], dict[Path, bytes]]
+    _kind: str
+    _context: click.Context
+
+    @property
+    def crop(self) -> list[float] | None:
+        """Left, top, width and height of the crop that was drawn, px of the preview; None if none was."""
+        box = box_of_crop(self._context.params["crop"])
+        if box is None:
+            return None
+        return [self.scale * value for value in (box.left, box.top, box.shape[1], box.shape[0])]
+
+    def crop_to(self, box: Sequence[float]) -> str:
+        """Crop the result to left, top, width and height, px of the preview; return the box as
+        ``toposeam stitch --crop`` takes it. Seams stay as they are.
+        """
+        left, top, width, height = (round(value / self.scale) for value in box)
+        crop = f"{left},{top},{max(1, width)},{max(1, height)}"
+        self._context.params["crop"] = crop
+        self._context.set_parameter_source("crop", ParameterSource.COMMANDLINE)
+        return crop
+
+    def inside(self) -> list[int]:
+        """Return left, top, width and height of the largest rectangle without holes, px of the preview."""
+        box = largest_full(self.joined.label_map >= 0) or Box(0, 0, *self.joined.shape)
+        return [box.left, box.top, box.shape[1], box.shape[0]]
 
     def labels(self) -> Labels | None:
         """Return the label map of the layout; None if there is none of this preview."""
@@ -91,7 +117,7 @@ class Opened:
             painting = {"strokes": strokes, "preview": (labels, at, 1 / self.scale)}
         path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
         with all_or_nothing():
-            for each, document in self._saved(path, painting).items():
+            for each, document in _saved_layout(self._context, self.job, self._kind, path, painting).items():
                 atomic_write(each, document, force=True)
 
 
@@ -148,7 +174,8 @@ def open_work(
         blends=find.of_stitch("blend") != "none",
         warnings=(*job.skipped, *(strangers(job) if job.placement is not None else ())),
         layout=layout,
-        _saved=partial(_saved_layout, context, job, kind),
+        _kind=kind,
+        _context=context,
     )
 
 

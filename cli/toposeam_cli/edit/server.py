@@ -35,7 +35,19 @@ PAGE = Path(__file__).parent / "page"
 #: so many messages.
 IDLE_S, _MOST_UNREAD = 1800.0, 400
 #: Messages to the process that solves.
-_FOR_SOLVER = ("stroke", "erase", "undo", "redo", "refresh", "take", "other", "blend", "settings", "horizon")
+_FOR_SOLVER = (
+    "stroke",
+    "erase",
+    "undo",
+    "redo",
+    "refresh",
+    "take",
+    "other",
+    "blend",
+    "settings",
+    "horizon",
+    "crop",
+)
 
 
 class Mirror:
@@ -53,6 +65,7 @@ class Mirror:
             self.__init__()  # type: ignore[misc]
         if kind == "scene":
             height, width = head["shape"]
+            self.kept.pop("crop", None)
             self._labels = np.zeros((height, width), np.uint8)
             self._squares = np.full((-(-height // SQUARE_PX), -(-width // SQUARE_PX)), 255, np.uint8)
         if kind == "print":
@@ -65,14 +78,14 @@ class Mirror:
                 part = np.frombuffer(block, np.uint8).reshape(bottom - top, right - left)
                 own[top:bottom, left:right] = part
             self._head = {name: head[name] for name in ("undo", "redo")}
-        elif kind in ("prints", "scene", "rest", "refused", "placing"):
+        elif kind in ("prints", "scene", "crop", "rest", "refused", "placing"):
             self.kept[kind] = packed(kind, head, blocks)
 
     def messages(self) -> list[bytes]:
         """Return the messages that bring a new page up to date."""
         found = [self.kept[kind] for kind in ("prints",) if kind in self.kept]
         found += self.prints
-        found += [self.kept[kind] for kind in ("placing", "scene", "refused") if kind in self.kept]
+        found += [self.kept[kind] for kind in ("placing", "scene", "crop", "refused") if kind in self.kept]
         if "scene" in self.kept and self._head:
             whole = {
                 "box": [0, 0, *self._labels.shape],

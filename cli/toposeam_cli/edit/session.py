@@ -50,12 +50,8 @@ class Session:
     def __init__(
         self, work: Work, progress: Callable[[float], None] | None = None, horizon: str | None = None
     ) -> None:
-        """Place the pictures of a work, find their seams, and repeat its strokes.
-
-        Parameters
-        ----------
-        work, progress, horizon
-            As of :func:`toposeam_cli.edit.opening.open_work`.
+        """Place the pictures of a work as :func:`~toposeam_cli.edit.opening.open_work` does, find their seams,
+        and repeat its strokes.
 
         Raises
         ------
@@ -103,6 +99,7 @@ class Session:
             "model": model,
             "placed": self.work.is_placed,
             "blends": self.opened.blends,
+            "crop": self.opened.crop,
             "settings": self.work.settings,
             "warnings": list(self.opened.warnings),
             "layers": [
@@ -110,6 +107,11 @@ class Session:
                 for layer, place in zip(canvas.layers, canvas.places, strict=True)
             ],
         }
+
+    def crop_to(self, box: Sequence[float]) -> None:
+        """Crop the result to left, top, width and height, px of the preview, and write this to disk."""
+        self.work.settings["crop"] = self.opened.crop_to(box)
+        self._save()
 
     def first(self) -> bytes:
         """Return the label map before any stroke, plus one, as bytes."""

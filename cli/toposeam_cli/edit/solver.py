@@ -13,6 +13,7 @@ import numpy as np
 
 from toposeam.layers.canvas.layer import Box
 from toposeam.sentence import sentence
+from toposeam_cli.edit.messages import BY_HAND
 from toposeam_cli.edit.opening import PLACING, check_count
 from toposeam_cli.edit.preview import encoded, jpeg, small_print
 from toposeam_cli.edit.session import Change, Session
@@ -66,13 +67,16 @@ class _Solver:
     def _say(self, kind: str, head: dict[str, Any], blocks: list[bytes] | None = None) -> None:
         self._connection.send((kind, head, blocks or []))
 
-    def _open(self) -> None:
-        """Show small pictures, place them, and show the seams."""
+    def _open(self, crop_by_hand: bool = False) -> None:
+        """Show small pictures, place them, and show the seams, perhaps with a crop to be drawn."""
         self._session = None
         gc.collect()
         try:
             self._prints()
-            self._show(Session(self._work, lambda share: self._say("placing", {"share": round(share, 3)})))
+            session = Session(self._work, lambda share: self._say("placing", {"share": round(share, 3)}))
+            if crop_by_hand and session.opened.crop is None:
+                session.crop_to(session.opened.inside())
+            self._show(session)
         except Exception as error:
             self._say("refused", {"text": sentence(error)})
 
@@ -118,6 +122,10 @@ class _Solver:
                 self._settle(session)
         elif kind in ("take", "other"):
             self._found(session, message)
+        elif kind == "crop":
+            if session.opened.crop is not None:
+                session.crop_to(message["box"])
+                self._say("crop", {"box": session.opened.crop})
         elif kind == "horizon":
             horizon = horizon_of(np.array(message["points"]), session.labels, session.opened.transforms)
             if horizon is not None:
@@ -155,11 +163,17 @@ class _Solver:
     def _choose(self, settings: dict[str, str]) -> None:
         chosen = {name: value for name, value in settings.items() if value != "auto"}
         before = {name: self._work.settings.get(name) for name in PLACING}
+        moved = before != {name: chosen.get(name) for name in PLACING}
+        by_hand = chosen.get("crop") == BY_HAND
+        if by_hand:
+            opened = None if moved or self._session is None else self._session.opened
+            drawn = None if opened is None else opened.crop
+            chosen["crop"] = "inside" if opened is None or drawn is None else opened.crop_to(drawn)
         self._work.settings = chosen
-        if before != {name: chosen.get(name) for name in PLACING}:
+        if moved:
             self._work.forget_places()
         self._work.save()
-        self._open()
+        self._open(by_hand)
 
     def _blend(self, session: Session, box: list[int]) -> None:
         part = Box(box[0], box[1], box[2], box[3]).shared(Box(0, 0, *session.shape))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,6 +30,20 @@ if TYPE_CHECKING:
 CROPS = ("fit", "inside", "outside")
 #: Formats that know no transparency.
 OPAQUE = (".jpg", ".jpeg")
+_BOX = re.compile(",".join([r"\s*(\d{1,9})\s*"] * 4))
+
+
+def parse_crop(value: str) -> str:
+    """Return a word of :data:`CROPS`, or ``X,Y,W,H``, a box of what ``outside`` writes, px."""
+    word = value.strip().lower()
+    if word in CROPS:
+        return word
+    match = _BOX.fullmatch(word)
+    if match is None or not int(match[3]) or not int(match[4]):
+        raise click.BadParameter(
+            f"{value!r} is no crop; write {', '.join(CROPS)}, or a box like 40,0,3000,2000"
+        )
+    return ",".join(str(int(number)) for number in match.groups())
 
 
 def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -72,10 +87,11 @@ def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "--crop",
             heading="Output",
             kept=True,
-            type=click.Choice(CROPS),
+            type=parse_crop,
+            metavar=f"[{'|'.join(CROPS)}|X,Y,W,H]",
             help="fit: bend the boundary a little, fill slivers and keep most of it, the default of "
             "photographs; inside: the largest rectangle without holes, that of formats without transparency; "
-            "outside: all of it.",
+            "outside: all of it; X,Y,W,H: this box of it, px.",
         ),
         option(
             "--fill-edges",
@@ -240,8 +256,8 @@ def check_outputs(out: Outputs) -> None:
             raise ts.OptionError(
                 "--crop fit fills what it needs, and --fill-edges says how far; leave one out"
             )
-        kept = {".ora": suffix == ".ora", "--crop outside": out.crop == "outside"}
-        kept["--background"] = out.background is not None
+        kept = {".ora": suffix == ".ora", "--background": out.background is not None}
+        kept[f"--crop {out.crop}"] = out.crop not in (None, "inside")
         for name in (name for name, given in kept.items() if given):
             raise ts.OptionError(f"--fill-edges leaves no holes, and {name} keeps them; leave one out")
     foreign = foreign_to(suffix)
@@ -272,6 +288,9 @@ def crop_of(out: Outputs, layers: Sequence[ts.Layer], *, goes_round: bool) -> st
     """Return the crop of the picture; refuse in advance one that the format of the output cannot hold."""
     if out.crop == "fit":
         return "fit"
+    if (box := box_of_crop(out.crop)) is not None:
+        _check_box(out, layers, box)
+        return str(out.crop)
     if goes_round:
         keeps_holes = out.fill_edges is None and (out.has_alpha or out.background is not None)
         return out.crop or ("outside" if keeps_holes else "inside")
@@ -297,6 +316,36 @@ def crop_of(out: Outputs, layers: Sequence[ts.Layer], *, goes_round: bool) -> st
             f"{out.output.suffix} cannot hold; use .png or .tif, or add --background"
         )
     return "inside"
+
+
+def box_of_crop(crop: str | None) -> Box | None:
+    """Return the box of a crop on the canvas, px; None if the crop is a word."""
+    from toposeam.layers.canvas.layer import Box
+
+    if crop is None or crop in CROPS:
+        return None
+    left, top, width, height = map(int, crop.split(","))
+    return Box(top, left, top + height, left + width)
+
+
+def _check_box(out: Outputs, layers: Sequence[ts.Layer], box: Box) -> None:
+    """Refuse a box that shows nothing, or holes that the format of the output cannot hold."""
+    from toposeam.layers.canvas.canvas import extent_of
+    from toposeam.layers.canvas.layer import Box
+    from toposeam.layers.canvas.tile_map import blocks
+
+    (height, width), opaque = extent_of(layers).shape, _opaque(layers)
+    shown = box.shared(Box(0, 0, height, width))
+    parts = list(blocks(shown)) if min(shown.shape) > 0 else []
+    if not any(opaque[part.slices].any() for part in parts):
+        raise ts.ImageError(
+            f"--crop {out.crop} shows no pixel of the picture, which is {width} x {height} px; move the box"
+        )
+    if not (out.has_alpha or out.background is not None or all(opaque[part.slices].all() for part in parts)):
+        raise ts.ImageError(
+            f"'{out.output}' cannot be written: the box of --crop is partly transparent, which "
+            f"{out.output.suffix} cannot hold; make it smaller, use .png or .tif, or add --background"
+        )
 
 
 def _opaque(layers: Sequence[ts.Layer]) -> npt.NDArray[np.bool_]:

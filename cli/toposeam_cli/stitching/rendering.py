@@ -21,7 +21,7 @@ from toposeam_cli.files.writing import all_or_nothing, atomic_write
 from toposeam_cli.media.pictures.background import colour_of, on_background
 from toposeam_cli.media.pictures.picture import Picture, write_picture
 from toposeam_cli.stitching.inputs import PlacedPictures
-from toposeam_cli.stitching.outputs import Outputs, largest_opaque, write_composite
+from toposeam_cli.stitching.outputs import Outputs, box_of_crop, largest_opaque, write_composite
 
 if TYPE_CHECKING:
     from toposeam_cli.files.scratch import Scratch
@@ -71,6 +71,8 @@ def render(
     if crop == "fit":
         composed = ts.layers.fitted(composed)
         crop = "outside" if composed.period is not None and out.has_alpha else "inside"
+    elif (box := box_of_crop(crop)) is not None:
+        composed, crop = composed.crop(box.shared(Box(0, 0, *composed.shape))), "outside"
     if job.stored and scratch is not None:
         from toposeam_cli.stitching.file_sink import render_to_files
 

@@ -21,7 +21,7 @@ from toposeam.layers.registration.placement import Residual, large_canvas
 from toposeam.sentence import counted, printable
 from toposeam_cli.media.pictures.lens import equivalent_mm
 from toposeam_cli.stitching.inputs import PlacedPictures
-from toposeam_cli.stitching.outputs import Outputs
+from toposeam_cli.stitching.outputs import Outputs, box_of_crop
 from toposeam_cli.stitching.rendering import Rendered
 from toposeam_cli.stitching.search_options import correlations
 
@@ -76,7 +76,7 @@ def lines_of_job(
     composed = rendered.composition
     height, width = composed.shape
     size, kept = f"{width} × {height} px", f"{100 * composed.kept:.0f} % kept"
-    if rendered.at is not None and composed.kept < _LITTLE:
+    if rendered.at is not None and composed.kept < _LITTLE and box_of_crop(out.crop) is None:
         size = f"only {kept}{_kept_by(out)}; {size}"
     elif rendered.at is not None:
         size = f"{size}, {kept}"

@@ -53,6 +53,7 @@ def stored(monkeypatch):
         "out.jpg",
         "out.jpg --background #336699 --quality 80",
         "out.tif --crop inside",
+        "out.png --crop 20,10,90,60",
         "out.webp --blend soft",
     ],
 )

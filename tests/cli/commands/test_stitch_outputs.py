@@ -38,6 +38,42 @@ def test_the_overlay_marks_the_seam_and_nothing_else(folder, toposeam):
     np.testing.assert_array_equal(drawn[far], joined[far])
 
 
+def test_a_crop_by_hand_is_a_box_of_the_whole(folder, toposeam):
+    assert toposeam("stitch", *STRIP, "-o", "all.png", "--crop", "outside").code == 0
+    ran = toposeam("stitch", *STRIP, "-o", "box.png", "--crop", " 7, 3,30,20", "--save-layout", "box.toml")
+    assert ran.code == 0
+    assert "only" not in ran.out
+    np.testing.assert_array_equal(read_picture("box.png").pixels, read_picture("all.png").pixels[3:23, 7:37])
+    assert toposeam("stitch", "box.toml", "-o", "again.png").code == 0
+    assert (folder / "again.png").read_bytes() == (folder / "box.png").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("crop", "says"),
+    [
+        ("1,2,3", "'1,2,3' is no crop; write fit, inside, outside, or a box like"),
+        ("1,2,0,4", "is no crop"),
+        ("9000,0,5,5", "shows no pixel of the picture, which is"),
+        ("0,0,9000,9000", None),
+    ],
+)
+def test_a_crop_that_cannot_be_is_one_sentence(folder, toposeam, crop, says):
+    ran = toposeam("stitch", *STRIP, "-o", "box.jpg", "--crop", crop)
+    assert (ran.code == 0) == (says is None)
+    assert says is None or says in ran.err
+    assert (folder / "box.jpg").exists() == (says is None)
+
+
+def test_a_crop_with_holes_needs_transparency(folder, toposeam):
+    layout = '[[layer]]\nfile = "{}"\nat = [0, 0]\n\n[[layer]]\nfile = "{}"\nat = [20, 8]\n'
+    (folder / "two.toml").write_text(layout.format(*STRIP[:2]))
+    ran = toposeam("stitch", "two.toml", "-o", "box.jpg", "--crop", "0,0,60,30")
+    assert ran.code == 1
+    assert "box of --crop is partly transparent" in ran.err
+    assert toposeam("stitch", "two.toml", "-o", "box.png", "--crop", "0,0,60,30").code == 0
+    assert read_picture("box.png").alpha is not None
+
+
 @pytest.mark.parametrize("kind", ["sixteen bit gray", "float", "transparent"])
 def test_an_overlay_of_any_picture_is_eight_bit_colour(folder, toposeam, photographs, kind):
     for name, pixels in zip("cd", photographs, strict=True):

@@ -318,6 +318,45 @@ def test_a_horizon_is_drawn(works, layout):
         assert page.errors == []
 
 
+def test_a_crop_is_drawn(works, tmp_path):
+    output = tmp_path / "all.png"
+    with program(*PORTRAIT, "-o", output, works=works) as (_, address), chromium() as context:
+        page = opened(context, address)
+        assert page.query_selector(".handle:not([hidden])") is None  # the crop is fitted
+        page.click("#more-shown")
+        page.select_option("#set-crop", "box")
+        until(page, "window.toposeam?.scene.crop && !document.querySelector('#prints')")
+        until(page, "!document.querySelector('#seams').classList.contains('hidden')")
+        until(page, "document.querySelector('.handle.right.bottom').style.left")
+        handle = page.query_selector(".handle.right.bottom").bounding_box()
+        x, y = handle["x"] + handle["width"] / 2, handle["y"] + handle["height"] / 2
+        page.mouse.move(x, y)
+        page.mouse.down()
+        page.mouse.move(x - 40, y - 20)
+        page.mouse.move(x - 150, y - 70)
+        page.mouse.up()
+        page.focus(".handle.left")
+        page.keyboard.press("ArrowRight")
+        left, _, right, _ = page.evaluate("Object.values(window.toposeam.crop.box)")
+        (work,) = works.glob("*/work.json")
+        crop = ""
+        for _ in range(200):
+            crop = json.loads(work.read_text())["settings"]["crop"]
+            if crop.startswith(f"{round(left)},"):
+                break
+            page.wait_for_timeout(50)
+        assert crop.startswith(f"{round(left)},")
+        page.reload()
+        until(page, "!!(window.toposeam?.crop?.box && window.toposeam.paths.length)")
+        page.keyboard.press("Control+s")
+        until(page, "document.querySelector('#say').innerText.includes('all.png')")
+        assert page.errors == []
+    width, height = map(int, crop.split(",")[2:])
+    with Image.open(output) as saved:
+        assert saved.size == (width, height)
+    assert abs(width - (right - left)) < 1
+
+
 def test_a_save_is_cancelled_and_a_full_disk_is_said(works, layout, tmp_path):
     folder = tmp_path / "out"
     folder.mkdir()

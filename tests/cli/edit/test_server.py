@@ -146,6 +146,8 @@ def test_no_file_is_read_but_those_of_the_page(client, path):
         '{"kind": "save", "format": "../x"}',
         '{"kind": "settings", "settings": {"output": "/etc/passwd"}}',
         '{"kind": "settings", "settings": {"blend": "--output=x"}}',
+        '{"kind": "settings", "settings": {"crop": "1,2,3,4"}}',
+        '{"kind": "crop", "box": [[0, 0], [0, 5]]}',
         '{"kind": "take", "x": NaN, "y": 1, "layer": 0}',
         '{"kind": "take", "x": 1e300, "y": 1, "layer": 0}',
         '{"kind": "take", "x": 1, "y": 1, "layer": -1}',

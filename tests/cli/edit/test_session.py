@@ -256,6 +256,21 @@ def test_a_canvas_that_goes_all_the_way_round(tmp_path, works):
     np.testing.assert_array_equal(Session(session.work).labels, session.labels)
 
 
+def test_a_crop_is_on_disk_and_in_the_layout(tmp_path, works, monkeypatch):
+    from toposeam_cli.edit import preview
+    from toposeam_cli.media.layouts.layout import read_layout
+
+    monkeypatch.setattr(preview, "PREVIEW_PIXELS", 16_000)
+    session = Session(work_of([walker_pictures(tmp_path)]))
+    assert session.opened.crop is None
+    assert session.opened.inside() == [0, 0, session.shape[1], session.shape[0]]
+    session.crop_to([20, 10, 60, 40])
+    text = ",".join(str(round(value / session.opened.scale)) for value in (20, 10, 60, 40))
+    assert read_layout(session.work.layout).options["crop"] == text
+    again = Session(read_work(session.work.folder))
+    np.testing.assert_allclose(again.opened.crop, [20, 10, 60, 40], atol=0.6)
+
+
 def test_too_many_pictures_are_refused():
     from toposeam_cli.edit.opening import check_count
 

@@ -32,6 +32,7 @@ shell.on('scene', async (head, blocks) => {
   if (prints) { await prints.slide(seams); prints = null; } else seams.show();
 });
 shell.on('state', (head, blocks) => seams?.take(head, blocks));
+shell.on('crop', head => seams?.crop.show(head.box));
 shell.on('rest', head => seams?.rest(head));
 shell.on('blend', (head, blocks) => seams?.blended(head.box, blocks[0]));
 shell.connect();

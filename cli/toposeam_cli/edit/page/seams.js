@@ -1,5 +1,6 @@
 // The page where seams move: what is drawn, and what the tools mean.
 import { Camera } from './camera.js';
+import { Crop } from './crop.js';
 import { Gestures } from './gestures.js';
 import { CLASSES, seamPaths } from './lines.js';
 import { Panels } from './panels.js';
@@ -22,6 +23,8 @@ export class Seams {
     this.paths = [];
     this.camera = new Camera(() => this.draw());
     this.panels = new Panels(this);
+    this.crop = new Crop(this, scene.crop);
+    this.element.append(...this.crop.handles);
     shell.bars({ tools: () => this.tools(), extras: () => this.extras(), panels: () => this.panels.elements() });
     this.choose('push');
     this.gestures = new Gestures(this);
@@ -312,6 +315,7 @@ export class Seams {
     const drawn = this.stroke?.kind;
     if (drawn === 'horizon') this.line(pen, this.stroke.points, d * px);
     else if (drawn && drawn !== 'show') this.paintStroke(pen, { ...this.stroke, radius: this.radius });
+    if (!this.before) this.crop.paint(pen, d * px);
     if (lens) this.ring(pen, lens.x, lens.y, this.lensRadius, 2 * d * px, [8 * d * px, 6 * d * px]);
     const looked = this.looked;
     if (looked && this.showSeams) this.ring(pen, looked.x, looked.y, 34 * d * px, 1.5 * d * px, [4 * d * px, 4 * d * px]);

@@ -11,6 +11,7 @@ from .errors import (
 )
 from .images import MAX_PIXELS, Windows
 from .layers.canvas.layer import Layer
+from .layers.composite.judge import verdict
 from .layers.composite.stitch import stitch
 from .layers.registration.find_places import find_places
 from .motif.generate import generate_motif
@@ -61,5 +62,6 @@ __all__ = [
     "to_pil",
     "typing",
     "vector",
+    "verdict",
     "volume",
 ]

@@ -50,8 +50,8 @@ class Session:
     def __init__(
         self, work: Work, progress: Callable[[float], None] | None = None, horizon: str | None = None
     ) -> None:
-        """Place the pictures of a work as :func:`~toposeam_cli.edit.opening.open_work` does, find their seams,
-        and repeat its strokes.
+        """Place the pictures of a work as :func:`~toposeam_cli.edit.opening.open_work` does, find seams, and
+        repeat the strokes.
 
         Raises
         ------

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -44,6 +44,12 @@ class Rendered:
         """The (x, y) of the canvas at which the picture begins; None if it is the whole canvas."""
         cropped = self.composition.cropped
         return None if cropped is None else cropped[:2]
+
+    def verdicts(self, executor: Executor | None = None) -> Sequence[ts.seam.Verdict]:
+        """Judge each seam in the picture that was rendered; empty unless the law of costs is "natural"."""
+        pixels, crop = self.picture.pixels, self.composition.cropped
+        judged = self.composition.verdicts(executor, lambda *at: np.asarray(pixels[at]))
+        return [verdict.inside(crop) for verdict in judged.values()]
 
 
 def render(

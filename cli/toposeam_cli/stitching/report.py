@@ -50,6 +50,7 @@ def summary_of_job(
     left out; and `groups`, the summaries of further pictures that ``--groups`` made. For pictures that are
     stored in files the optima are left out, as they take longer than the seams.
     """
+    rendered.verdicts()
     summary = rendered.composition.summary(optima=not job.stored)
     for index, place in enumerate(summary["layers"]):
         if aligned is not None:
@@ -84,18 +85,19 @@ def lines_of_job(
         size += f", {100 * rendered.filled:.1f} % filled"
     if click.get_current_context().params.get("give"):
         size += f", bent by up to {composed.bent:.1f} px" if composed.bent else ", bent nowhere"
-    lines = [f"{out.output}: {size}{_judged(composed, executor)}"]
+    lines = [f"{out.output}: {size}{_judged(rendered, executor)}"]
     if out.verbose:
         found = [*_placement_lines(job.layers, job.placement), *_describe_alignment(job.layers, aligned)]
         lines = [*found, _describe_seams(composed, executor), *lines]
     return "\n".join(map(printable, lines))
 
 
-def _judged(composed: ts.layers.Composition, executor: Executor | None) -> str:
+def _judged(rendered: Rendered, executor: Executor | None) -> str:
     """Say whether seams are visible in the picture, and whether the search of one failed."""
+    composed = rendered.composition
     if not composed.pairs:
         return f", {len(composed.names)} layers without a seam"
-    verdict = _worst_inside([one.verdict for one in composed.figures(executor).values()], composed.cropped)
+    verdict = max(rendered.verdicts(executor), key=lambda one: one.visibility, default=None)
     judged = "" if verdict is None else f": {verdict}"
     if len(composed.names) == 2:
         (seam,) = composed.outlines
@@ -118,14 +120,6 @@ def _describe_seams(composed: ts.layers.Composition, executor: Executor | None) 
             f"{solution.method}, {counted(solution.rounds, 'round')}"
         )
     return f"{found}, cost {cost:.4g}, {solution.seconds:.2f} s"
-
-
-def _worst_inside(
-    verdicts: Sequence[ts.seam.Verdict | None], crop: tuple[int, int, int, int] | None
-) -> ts.seam.Verdict | None:
-    """Choose the verdict on the worst seam inside a crop."""
-    known = [verdict.inside(crop) for verdict in verdicts if verdict is not None]
-    return min(known, key=lambda verdict: verdict.worst) if known else None
 
 
 def _kept_by(out: Outputs) -> str:

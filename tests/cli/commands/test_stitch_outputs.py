@@ -159,6 +159,7 @@ def test_json_tells_what_was_found(folder, toposeam, method):
         "seconds",
         "likeness",
         "worst_likeness",
+        "step",
         "look_at",
     }
     assert facts["between"] == ["a.png", "b.png"]

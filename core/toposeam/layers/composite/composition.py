@@ -13,13 +13,13 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.arrays import Floats, Image, Labels, Mask
-from toposeam.images import full_scale
+from toposeam.images import Windows, full_scale
 from toposeam.layers.blending.blend import Blending, Fading
 from toposeam.layers.canvas.canvas import Canvas, channel_count
 from toposeam.layers.canvas.layer import Box, Layer, cut
 from toposeam.layers.canvas.tile_map import BLOCK, blocks, dense, uniform
 from toposeam.layers.composite.painter import Filling, Painter
-from toposeam.layers.composite.seams import KnownSeams, SeamFigures, SeamOutline
+from toposeam.layers.composite.seams import KnownSeams, SeamFigures, SeamOutline, with_steps
 from toposeam.layers.execution.tasks import Executor, results
 from toposeam.layers.labelling.label_map import LabelMap, Pair
 from toposeam.picture_files import PictureResult
@@ -265,10 +265,40 @@ class Composition(PictureResult):
         """Σ M over all seams."""
         return sum(figures.cost for figures in self.figures().values())
 
+    def verdicts(
+        self, executor: Executor | None = None, window: Callable[[slice, slice], Image] | None = None
+    ) -> Mapping[Pair, Verdict]:
+        """Judge each seam by the likeness of its two pictures, and by the steps of tone, hue and grain that
+        the joined picture shows.
+
+        Parameters
+        ----------
+        executor : concurrent.futures.Executor, optional
+            As for :meth:`figures`.
+        window : callable, optional
+            Returns the pixels of rows and columns of the picture, if it has been rendered already.
+
+        Returns
+        -------
+        mapping of (int, int) to Verdict
+            Places are on the canvas. Empty unless the law of the match cost is "natural".
+        """
+        if "_verdicts" not in self.__dict__:
+            verdicts = {pair: figures.verdict for pair, figures in self.figures(executor).items()}
+            known = {pair: verdict for pair, verdict in verdicts.items() if verdict is not None}
+            stored = any(isinstance(layer.image, Windows) for layer in self.layers)
+            if window is None:
+                whole = (lambda *at: self.window(*at)[0]) if stored else (lambda *at: self.image[at])
+            canvas, view = self.canvas.cut_open(), self.view
+            judged = with_steps(canvas, self.solution.labels, view, window or whole, known)
+            self.__dict__["_verdicts"] = judged if len(known) == len(verdicts) else {}
+        found: Mapping[Pair, Verdict] = self.__dict__["_verdicts"]
+        return found
+
     @property
     def verdict(self) -> Verdict | None:
         """The verdict on the most visible seam; None unless the law of the match cost is "natural"."""
-        return worst_of(figures.verdict for figures in self.figures().values())
+        return worst_of(self.verdicts().values())
 
     def misfits(
         self,

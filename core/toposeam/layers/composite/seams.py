@@ -7,15 +7,25 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from toposeam.arrays import Image, Labels
+from toposeam.images import box_of
+from toposeam.layers.canvas.canvas import Canvas
+from toposeam.layers.canvas.layer import Box, cut
+from toposeam.layers.canvas.tile_map import BLOCK, several
 from toposeam.layers.execution.tasks import Executor
 from toposeam.layers.labelling.label_map import Pair
 from toposeam.optimize.history import Termination
 from toposeam.seam.result.seam import Seam
-from toposeam.seam.result.verdict import Verdict
+from toposeam.seam.result.verdict import STEP_REACH, Verdict, steps_beside
 from toposeam.vector.polyline import Polyline
 
 if TYPE_CHECKING:
     from toposeam.layers.labelling.problem import Labelling
+
+#: Most blocks in which the steps along seams are measured; of more, some are taken.
+MOST_BLOCKS = 64
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -96,3 +106,58 @@ class KnownSeams:
             pair: SeamFigures(length=seam.length, cost=seam.cost, verdict=seam.verdict)
             for pair, seam in self.known.items()
         }
+
+
+def with_steps(
+    canvas: Canvas,
+    labels: Labels,
+    view: Box,
+    window: Callable[[slice, slice], Image],
+    verdicts: Mapping[Pair, Verdict],
+) -> dict[Pair, Verdict]:
+    """Return verdicts with the steps of tone, hue and grain that the joined picture shows.
+
+    Parameters
+    ----------
+    canvas : Canvas
+        A flat one.
+    labels : (H, W) int16
+    view : Box
+        The part of the canvas that is shown.
+    window : callable
+        Returns the pixels of rows and columns of the picture, which begins at the view's corner.
+    verdicts : mapping
+        The verdict on each seam, by its likeness.
+    """
+    steps = {pair: [np.zeros((0, 3))] for pair in verdicts}
+    shown = view.shared(canvas.box)
+    found = list(several(labels, shown, side=BLOCK)) if min(shown.shape) > 0 else []
+    for block in found[:: max(1, len(found) // MOST_BLOCKS)]:
+        part = labels[block.slices]
+        here = set(np.unique(part).tolist())
+        for pair in (pair for pair in verdicts if here.issuperset(pair)):
+            box = _beside(part, pair)
+            if box is None:
+                continue
+            box = box.moved(*block[:2]).grown(STEP_REACH).shared(shown)
+            layers = [canvas.layers[index] for index in pair]
+            places = [canvas.places[index] for index in pair]
+            shows = labels[box.slices]
+            beside = steps_beside(
+                window(*box.moved(-view.top, -view.left).slices),
+                [cut(layer.image, place, box) for layer, place in zip(layers, places, strict=True)],
+                [cut(layer.covered, place, box) for layer, place in zip(layers, places, strict=True)],
+                [shows == index for index in pair],
+                layers[0].white,
+            )
+            steps[pair].append(np.add(beside, (box.left, box.top, 0)))
+    return {pair: one.with_steps(np.concatenate(steps[pair])) for pair, one in verdicts.items()}
+
+
+def _beside(labels: Labels, pair: Pair) -> Box | None:
+    """Return the box of the pixels at which two layers adjoin."""
+    first, second = (labels == index for index in pair)
+    grown = np.zeros(labels.shape, bool)
+    for s, t in ((np.s_[:-1], np.s_[1:]), (np.s_[:, :-1], np.s_[:, 1:])):
+        grown[s] |= (first[s] & second[t]) | (second[s] & first[t])
+    return Box.of(*box_of(grown)) if grown.any() else None

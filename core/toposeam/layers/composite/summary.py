@@ -13,13 +13,15 @@ in px; None stands for what is not known.
 ``bent_px``        the largest displacement by which pictures were bent to meet, 0 if none was
 ``likeness``       of the seam most likely to be seen, as that of each seam
 ``worst_likeness`` the same
+``step``           the same
 ``look_at``        the same
 ``layers``         of each picture name, at (x, y), shown_px, and if its place was searched moved (x, y),
                    correlation, turn (degrees) and scale
 ``seams``          of each seam between (two names), method, cost, optimum (the least possible cost), ratio
                    (of both), bound (proven, 0 for nothing), stages, iterations, termination, paths (their
                    number), length_px, seconds, likeness and worst_likeness (in [0, 1], the mean and that of
-                   the worst tenth) and look_at (x, y in the picture, None if nothing is likely to be seen)
+                   the worst tenth), step (the largest step of tone, hue or grain that the picture shows: 1
+                   is just seen) and look_at (x, y in the picture, None if nothing is likely to be seen)
 ``placement``      how places were found
 =================  =======================================================================================
 """
@@ -31,20 +33,21 @@ from typing import Any
 
 from toposeam.layers.canvas.layer import Box
 from toposeam.layers.composite.seams import SeamOutline
+from toposeam.seam.result.verdict import worst_of
 from toposeam.vector.svg import write_svg
 
 SCHEMA = 1
 #: Keys of a layer that are filled in if its place was searched.
 _PLACEMENT_KEYS = ("moved", "correlation", "turn", "scale")
-_NO_VERDICT: dict[str, Any] = {"likeness": None, "worst_likeness": None, "look_at": None}
+_NO_VERDICT: dict[str, Any] = {"likeness": None, "worst_likeness": None, "step": None, "look_at": None}
 
 
 def summary_of(composition: Any, *, optima: bool) -> dict[str, Any]:
     """Summarise a composition, with the keys of the table above."""
     names, crop = composition.canvas.names, composition.cropped
-    found, verdicts = [], []
+    judged, found, verdicts = composition.verdicts(), [], []
     for number, seam in enumerate(composition.outlines):
-        verdict = None if seam.verdict is None else seam.verdict.inside(crop)
+        verdict = judged[seam.pair].inside(crop) if seam.pair in judged else None
         verdicts.append(verdict)
         ratio = composition.seams[number].optimum_ratio() if optima else None
         found.append(
@@ -64,8 +67,7 @@ def summary_of(composition: Any, *, optima: bool) -> dict[str, Any]:
                 **(_NO_VERDICT if verdict is None else verdict.summary()),
             }
         )
-    known = [verdict for verdict in verdicts if verdict is not None]
-    worst = min(known, key=lambda verdict: verdict.worst) if known else None
+    worst = worst_of(verdict for verdict in verdicts if verdict is not None)
     layers = [
         {"name": layer.name, "at": list(layer.at), "shown_px": shown, **dict.fromkeys(_PLACEMENT_KEYS)}
         for layer, shown in zip(composition.layers, composition.shown, strict=True)

@@ -7,16 +7,32 @@ of 16 px. Of a mean cost c per interface, which is V² of one pixel plus V² of 
 
 1 where both pictures show the same, ½ where each of the two pixels differs by three times the just
 noticeable, near 0 where something is cut in two.
+
+Likeness forgives small differences, which eyes find on plain ground all the same: a *step* of tone or hue.
+It is measured in the picture as it is shown. Beside a piece of the seam, bands at the same distance on either
+side are compared with what one of the two pictures alone shows there: an edge of the scene is in both, a step
+of the seam is not. With S the joined picture and A one that has pixels on both sides, in CIELAB, medians over
+a band::
+
+    step = ΔE₀₀(S₊, S₊ - ((S₊ - A₊) - (S₋ - A₋))) / (T + 1.05 (σ_S + σ_A))
+
+of A and the other picture the smaller one. T is the step that is just seen on plain ground; σ_S is the
+deviation of L* in the plainer band, which hides steps, and σ_A that of S - A, as a picture that shows
+something else there says nothing about tones. ΔE₀₀ is CIEDE2000 (Sharma, Wu and Dalal 2005,
+doi:10.1002/col.20070). Grain that ends at the seam is a step, too.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import scipy
+
+from toposeam.arrays import Floats, Floats32, Image, Mask
 
 #: Side of the squares over which costs are averaged, px.
 SQUARE_PX = 16
@@ -26,6 +42,19 @@ HALF_COST = 18.0
 _WORST_SHARE = 0.1
 #: Least likeness of the worst part of a seam that counts as not to be seen.
 UNSEEN = 0.5
+#: Bands beside a seam: from and to which distance, px; the side of the pieces of the seam, px; T, ΔE.
+_BANDS = (2, 8, 32, 0.75), (8, 24, 32, 1.25), (32, 64, 64, 1.8)
+#: Distance from a seam, px, up to which a picture is looked at for steps.
+STEP_REACH = _BANDS[-1][1]
+#: The share of a band's pixels that both of its sides must have.
+_LEAST_SHARE = 0.35
+#: How much a unit of deviation of L* adds to T.
+_HIDDEN_BY_TEXTURE = 1.05
+#: The difference of grain that is just seen on plain ground, in percent of white; how much grain on both
+#: sides adds to it, and a unit of deviation of L*.
+_GRAIN, _HIDDEN_BY_GRAIN, _GRAIN_HIDDEN_BY_TEXTURE = 0.35, 0.5, 0.25
+#: Median of the absolute values of normal noise ÷ its standard deviation.
+_MEDIAN_DEVIATION = 0.6745
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,11 +75,25 @@ class Verdict:
     where: tuple[int, int] | None
     #: (K, 4): x, y, likeness and number of interfaces of each square.
     _squares: npt.NDArray[np.float64] | None = field(default=None, repr=False, compare=False)
+    #: (K, 3): x, y and step of each piece; None if steps were not measured.
+    _steps: npt.NDArray[np.float64] | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def step(self) -> float | None:
+        """The largest step of tone, hue or grain along the seam: 1 is just seen; None if not measured."""
+        if self._steps is None:
+            return None
+        return float(self._steps[:, 2].max(initial=0))
+
+    @property
+    def visibility(self) -> float:
+        """How visible the seam is, by its likeness or its step: 1 is just seen, 0 not at all."""
+        return max(1 / max(self.worst, 1e-9) - 1, self.step or 0.0)
 
     @property
     def unseen(self) -> bool:
-        """True if even the worst tenth of the seam is unlikely to be noticed."""
-        return self.worst >= UNSEEN
+        """True if even the worst part of the seam is unlikely to be noticed."""
+        return self.visibility <= 1
 
     def inside(self, box: tuple[int, int, int, int] | None) -> Verdict:
         """Judge the part of the seam inside a crop of the canvas, with places counted from its corner.
@@ -62,10 +105,16 @@ class Verdict:
         """
         if box is None or self._squares is None:
             return self
-        left, top, width, height = box
-        squares = self._squares - np.array([left, top, 0, 0])
-        x, y = squares[:, 0], squares[:, 1]
-        return _of_squares(squares[(x >= 0) & (y >= 0) & (x < width) & (y < height)])
+        judged = _of_squares(_inside(self._squares, box))
+        return judged if self._steps is None else judged.with_steps(_inside(self._steps, box))
+
+    def with_steps(self, steps: npt.NDArray[np.float64]) -> Verdict:
+        """Return the verdict with the steps of the seam, (K, 3): x, y on the canvas and step."""
+        judged = replace(self, _steps=steps)
+        if self.worst >= UNSEEN and (judged.step or 0) > 1:
+            x, y, _ = steps[int(np.argmax(steps[:, 2]))]
+            judged = replace(judged, where=(round(x), round(y)))
+        return judged
 
     def __str__(self) -> str:
         if self.unseen or self.where is None:
@@ -73,10 +122,11 @@ class Verdict:
         return f"look at {self.where[0]},{self.where[1]}"
 
     def summary(self) -> dict[str, Any]:
-        """Return the verdict as in JSON: likeness, worst_likeness, look_at."""
+        """Return the verdict as in JSON: likeness, worst_likeness, step, look_at."""
         return {
             "likeness": round(self.mean, 4),
             "worst_likeness": round(self.worst, 4),
+            "step": None if self.step is None else round(self.step, 3),
             "look_at": None if self.unseen or self.where is None else list(self.where),
         }
 
@@ -123,7 +173,189 @@ def _of_squares(squares: npt.NDArray[np.float64]) -> Verdict:
 
 
 def worst_of(verdicts: Iterable[Verdict | None]) -> Verdict | None:
-    """Choose the verdict with the least likeness of a worst part; None where one is missing, or all are."""
+    """Choose the verdict on the most visible seam; None where one is missing, or all are."""
     found = list(verdicts)
     known = [verdict for verdict in found if verdict is not None]
-    return min(known, key=lambda verdict: verdict.worst) if known and len(known) == len(found) else None
+    return max(known, key=lambda verdict: verdict.visibility) if known and len(known) == len(found) else None
+
+
+def steps_beside(
+    shown: Image, pictures: Sequence[Image], covers: Sequence[Mask], sides: Sequence[Mask], white: float
+) -> npt.NDArray[np.float64]:
+    """Measure the steps of tone, hue and grain across the seam of two pictures in a window.
+
+    Parameters
+    ----------
+    shown : (h, w) or (h, w, C) array
+        The joined picture.
+    pictures : two arrays of the same shape, or none
+        The two pictures. Without them, both sides are compared as they are, and an edge of the scene that
+        runs along the seam counts as a step.
+    covers : two (h, w) bool arrays, or none
+        Where each of them has pixels.
+    sides : two (h, w) bool arrays
+        Where each of them is shown.
+    white : float
+        The value of white.
+
+    Returns
+    -------
+    (K, 3) float array
+        x, y (px of the window) and step of each piece of the seam: 1 is just seen.
+    """
+    shown, *pictures = (_halved(_rgb(one, white)) for one in (shown, *pictures))
+    size = shown.shape[:2]
+    there = [_halved(cover.astype(np.float32)) == 1 for cover in covers]
+    first, second = (side[: 2 * size[0] : 2, : 2 * size[1] : 2] for side in sides)
+    border = np.zeros(size, bool)
+    for s, t in ((np.s_[:-1], np.s_[1:]), (np.s_[:, :-1], np.s_[:, 1:])):
+        across = (first[s] & second[t]) | (second[s] & first[t])
+        border[s] |= across
+        border[t] |= across
+    if not border.any():
+        return np.zeros((0, 3))
+    distance, nearest = scipy.ndimage.distance_transform_edt(~border, return_indices=True)
+    distance *= 2
+    near = (first | second) & (distance >= _BANDS[0][0]) & (distance < STEP_REACH)
+    pieces = _Pieces(
+        distance=distance[near],
+        at=2 * nearest[:, near],
+        beyond=second[near],
+        shown=_lab(shown[near]),
+        pictures=[_lab(one[near]) for one in pictures] or [np.zeros((1, 3), np.float32)],
+        there=[cover[near] for cover in there] or [np.ones(int(near.sum()), bool)],
+        grain=[_grain(one)[near] for one in (shown, *pictures)],
+    )
+    return np.concatenate([pieces.steps(*band) for band in _BANDS])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Pieces:
+    """The n pixels beside a seam: what they show, and what each picture has there."""
+
+    distance: npt.NDArray[np.float64]
+    #: (2, n) y and x of the nearest point of the seam, and (n,) whether they lie on the second side.
+    at: npt.NDArray[np.intp]
+    beyond: Mask
+    #: (n, 3) CIELAB of the joined picture, and of both pictures, with where they have pixels.
+    shown: Floats32
+    pictures: Sequence[Floats32]
+    there: Sequence[Mask]
+    #: (n,) Fine detail of the joined picture and of both pictures, percent of white.
+    grain: Sequence[Floats32]
+
+    def steps(self, near: float, far: float, side: int, least: float) -> npt.NDArray[np.float64]:
+        """Return (K, 3): x, y and step of the pieces of the seam, by one band of distances."""
+        from skimage.color import deltaE_ciede2000
+
+        band = (self.distance >= near) & (self.distance < far)
+        at = self.at[:, band]
+        squares, piece = np.unique(at // side, axis=1, return_inverse=True)
+        count, piece = squares.shape[1], piece.ravel()
+        half = 2 * piece + self.beyond[band]
+        enough = _LEAST_SHARE * (far - near) * side / 4
+        shown = self.shown[band]
+        middle, spread = _middles(half, shown, 2 * count)
+        plainer = spread.reshape(count, 2).min(axis=1)
+        step = np.full(count, np.inf)
+        for picture, there in zip(self.pictures, self.there, strict=True):
+            known = there[band]
+            differs = shown - (picture[band] if len(picture) == len(band) else picture)
+            apart, varies = _middles(half[known], differs[known], 2 * count)
+            pixels = np.bincount(half[known], minlength=2 * count).reshape(count, 2).min(axis=1)
+            change = apart[1::2] - apart[::2]
+            seen: Floats = deltaE_ciede2000(middle[1::2], middle[1::2] - change)  # type: ignore[no-untyped-call]
+            hidden = plainer + varies.reshape(count, 2).max(axis=1)
+            seen /= least + _HIDDEN_BY_TEXTURE * hidden
+            step = np.where(pixels >= enough, np.minimum(step, seen), step)
+        if near == _BANDS[0][0]:
+            step = np.maximum(step, self._grain_steps(band, half, plainer, enough))
+        x, y = (np.bincount(piece, along, count) / np.bincount(piece, minlength=count) for along in at[::-1])
+        known = np.isfinite(step)
+        return np.stack([x[known], y[known], step[known]], axis=1)
+
+    def _grain_steps(
+        self, band: Mask, half: npt.NDArray[np.intp], plainer: Floats, enough: float
+    ) -> npt.NDArray[np.float64]:
+        """(K,): how visibly grain changes along the pieces of a seam; 0 where that is not known. `plainer` is
+        the deviation of L* on the plainer side.
+        """
+        power, count = [], len(plainer)
+        everywhere = np.ones(len(band), bool)
+        for grain, there in zip(self.grain, (everywhere, *self.there), strict=False):
+            known = there[band]
+            pixels = np.bincount(half[known], minlength=2 * count)
+            middle, _ = _middles(half[known], np.abs(grain[band][known])[:, np.newaxis], 2 * count)
+            deviation = middle[:, 0] / _MEDIAN_DEVIATION
+            power.append(np.where(pixels >= enough, deviation, np.nan).reshape(count, 2))
+        if len(power) == 1:
+            (shown,) = power
+            apart = np.abs(shown[:, 1] - shown[:, 0])[np.newaxis]
+        else:
+            shown, first, second = power
+            apart = np.stack([np.abs(shown[:, 1] - first[:, 1]), np.abs(shown[:, 0] - second[:, 0])])
+        apart = np.where(np.isnan(apart), np.inf, apart).min(axis=0)
+        hidden = _HIDDEN_BY_GRAIN * np.nan_to_num(shown).min(axis=1) + _GRAIN_HIDDEN_BY_TEXTURE * plainer
+        seen = apart / (_GRAIN + hidden)
+        return np.where(np.isfinite(seen), seen, 0.0)
+
+
+def _inside(rows: npt.NDArray[np.float64], box: tuple[int, int, int, int]) -> npt.NDArray[np.float64]:
+    """Return the rows x, y, … that lie in a box (left, top, width, height), counted from its corner."""
+    left, top, width, height = box
+    moved = rows.copy()
+    moved[:, :2] -= (left, top)
+    x, y = moved[:, 0], moved[:, 1]
+    return moved[(x >= 0) & (y >= 0) & (x < width) & (y < height)]
+
+
+def _middles(
+    group: npt.NDArray[np.intp], values: Floats32, count: int
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Return (count, 3) medians of the values of each group, and (count,) the deviation of the first of them,
+    by their quartiles; 0 for groups without values.
+    """
+    size = np.bincount(group, minlength=count)
+    first = np.cumsum(size) - size
+    middle, spread = np.zeros((count, values.shape[1])), np.zeros(count)
+    if not len(values):
+        return middle, spread
+    low, half, high = (np.minimum(first + size * k // 4, len(values) - 1) for k in (1, 2, 3))
+    for channel, each in enumerate(values.T):
+        ordered = each[np.lexsort((each, group))]
+        middle[:, channel] = ordered[half]
+        if channel == 0:
+            spread = (ordered[high] - ordered[low]) / 1.35
+    none = size == 0
+    middle[none], spread[none] = 0, 0
+    return middle, spread
+
+
+def _rgb(pixels: Image, white: float) -> Floats32:
+    """(h, w, 3) float32 sRGB in [0, 1] of a picture of any kind."""
+    planes = pixels if pixels.ndim == 3 else pixels[..., np.newaxis]
+    planes = planes[..., :3] if planes.shape[2] >= 3 else planes[..., :1].repeat(3, axis=2)
+    rgb: Floats32 = np.clip(planes.astype(np.float32) / np.float32(white), 0, 1)
+    return rgb
+
+
+def _halved(values: Floats32) -> Floats32:
+    """Average 2 × 2 pixels; a last odd row or column is left out."""
+    height, width = (side // 2 for side in values.shape[:2])
+    part = values[: 2 * height, : 2 * width]
+    quarters = part[::2, ::2], part[1::2, ::2], part[::2, 1::2], part[1::2, 1::2]
+    mean: Floats32 = np.mean(quarters, axis=0, dtype=np.float32)
+    return mean
+
+
+def _lab(colours: Floats32) -> Floats32:
+    """(n, 3) CIELAB of (n, 3) sRGB colours."""
+    from skimage.color import rgb2lab
+
+    return np.asarray(rgb2lab(colours), np.float32)
+
+
+def _grain(picture: Floats32) -> Floats32:
+    """(h, w) what differs from the mean of 3 × 3 pixels, percent of white."""
+    bright = 100 * picture.mean(axis=2)
+    return np.asarray(bright - scipy.ndimage.uniform_filter(bright, 3))

@@ -108,9 +108,9 @@ def test_the_worst_part_is_a_tenth_at_least():
 def test_half_the_likeness_is_not_to_be_seen():
     just, below = (Verdict(mean=0.91239, worst=worst, where=(7, 9)) for worst in (0.5, 0.49996))
     assert just.unseen
-    assert just.summary() == {"likeness": 0.9124, "worst_likeness": 0.5, "look_at": None}
+    assert just.summary() == {"likeness": 0.9124, "worst_likeness": 0.5, "step": None, "look_at": None}
     assert not below.unseen
-    assert below.summary() == {"likeness": 0.9124, "worst_likeness": 0.5, "look_at": [7, 9]}
+    assert below.summary() == {"likeness": 0.9124, "worst_likeness": 0.5, "step": None, "look_at": [7, 9]}
     assert str(Verdict(mean=0.1, worst=0.1, where=None)) == "not to be seen"
 
 

@@ -26,13 +26,14 @@ from toposeam_cli.app.progress import say, share_bar
 from toposeam_cli.files.writing import all_or_nothing, check_output, replacing
 from toposeam_cli.media.clips.clip import Clip, check_pixels
 from toposeam_cli.media.clips.cut import Cut, Duration
-from toposeam_cli.media.clips.reading import open_clip
+from toposeam_cli.media.clips.reading import most_loaded, open_clip
 from toposeam_cli.media.clips.sound import looped_sound
 from toposeam_cli.media.clips.writing import ANIMATED, VIDEOS, check_clip_output, folder_for, write_clip
 from toposeam_cli.media.pictures.masks import read_white
+from toposeam_cli.media.pictures.picture import MAX_PIXELS
 
-#: Most pixels of a clip that is read part by part, and of one that is loaded.
-_MOST_PIXELS, _MOST_LOADED = 100_000_000_000, 500_000_000
+#: Most pixels of a clip that is read part by part.
+_MOST_PIXELS = 100_000_000_000
 
 
 class DurationType(click.ParamType):  # type: ignore[type-arg]
@@ -134,7 +135,8 @@ class DurationType(click.ParamType):  # type: ignore[type-arg]
     heading="Speed and memory",
     type=FiniteRange(min=0, min_open=True),
     help="Refuse clips with more pixels in all their frames; by default 100000 for videos, which are read "
-    "part by part, and 500 for what is loaded: other clips, and loops written as .gif, .webp or .png.",
+    "part by part, and 500 for what is loaded: other clips (less for a file under 5 MB, down to 100), and "
+    "loops written as .gif, .webp or .png.",
 )
 @option(
     "--json", "as_json", heading="Output", is_flag=True, help="Print what was made, and the verdict, as JSON."
@@ -160,10 +162,10 @@ def loop(clip: Path, output: Path, **given: Any) -> None:
     if given["mesh"] is not None:
         check_output(given["mesh"], force, (".ply", ".stl"))
     asked = None if given["max_megapixels"] is None else round(given["max_megapixels"] * 1e6)
-    max_pixels, max_loaded = asked or _MOST_PIXELS, asked or _MOST_LOADED
+    max_pixels, max_loaded = asked or _MOST_PIXELS, asked or MAX_PIXELS
     rate = None if given["fps"] is None else Fraction(given["fps"]).limit_denominator(1001)
     cut = Cut(first=given["first"], last=given["last"], scale=given["scale"])
-    read = open_clip(clip, rate, max_pixels, max_loaded, cut)
+    read = open_clip(clip, rate, max_pixels, most_loaded(clip, asked), cut)
     options = _options(read, given)
     if "grow" in options:
         check_pixels("the grown clip", options["grow"], read.frames.shape[1:], max_loaded)

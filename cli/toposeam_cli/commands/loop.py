@@ -75,8 +75,8 @@ class DurationType(click.ParamType):  # type: ignore[type-arg]
     required=True,
     help="The loop: .mp4, .mov, .mkv, .webm, .gif, .webp, .png (APNG), or a folder for frames.",
 )
-@option("--from", "first", heading="Clip", type=DurationType(), help="Read the clip from there on.")
-@option("--to", "last", heading="Clip", type=DurationType(), help="Read the clip up to there.")
+@option("--from", "first", heading="Clip", type=DurationType(), help="Read the clip from here on.")
+@option("--to", "last", heading="Clip", type=DurationType(), help="Read the clip up to here.")
 @option(
     "--scale",
     heading="Clip",
@@ -86,33 +86,33 @@ class DurationType(click.ParamType):  # type: ignore[type-arg]
     help="Read the clip at this share of its width and height.",
 )
 @option(
-    "--length", heading="Loop", type=DurationType(ranges=True), help="How long the loop is; found by default."
+    "--length", heading="Loop", type=DurationType(ranges=True), help="Length of the loop; found by default."
 )
 @option("--start", heading="Loop", type=DurationType(), help="Where in the clip it begins; found by default.")
 @option(
     "--transition",
     heading="Loop",
     type=DurationType(),
-    help="Within how long pixels change over; a quarter of the clip by default, 24 frames at most.",
+    help="Time within which pixels switch; a quarter of the clip by default, 24 frames at most.",
 )
 @option(
     "--grow",
     heading="Loop",
     type=DurationType(),
-    help="A longer clip: at least this long, by jumps back and forth.",
+    help="Make a longer clip, at least this long, by jumping back and forth.",
 )
 @option(
     "--level/--no-level",
     heading="Loop",
     default=None,
-    help="Even out what shows of the change, of light and of soft forms, or never: pixels then keep their "
-    "values no more, but nothing is blended. By default where it would show else.",
+    help="Even out steps of light and soft forms that the change would show, or never. Evened pixels lose "
+    "their own values, but nothing is blended. By default only where steps would show.",
 )
 @option(
     "--still",
     heading="Clip",
     type=FILE,
-    help="A picture of the frames' size, white where nothing shall move.",
+    help="A picture of the frames' size, white where nothing should move.",
 )
 @option(
     "--stabilise",
@@ -121,10 +121,10 @@ class DurationType(click.ParamType):  # type: ignore[type-arg]
     help="Take the shift and turn of a trembling camera out first, and crop to what all frames show.",
 )
 @option(
-    "--fps", heading="Clip", type=FiniteRange(0.01, 1000), help="Read the clip at so many frames a second."
+    "--fps", heading="Clip", type=FiniteRange(0.01, 1000), help="Read the clip at this many frames a second."
 )
 @option(
-    "--seed", heading="Loop", type=int, default=0, show_default=True, help="Of --grow: decides the order."
+    "--seed", heading="Loop", type=int, default=0, show_default=True, help="With --grow: decides the order."
 )
 @surface_cost_option
 @option(
@@ -146,10 +146,10 @@ class DurationType(click.ParamType):  # type: ignore[type-arg]
 def loop(clip: Path, output: Path, **given: Any) -> None:
     """Make CLIP repeat without a visible jump.
 
-    CLIP is a video (with PyAV), a GIF, WebP or APNG, or a folder of frames. Where it comes back best is
-    found; there its end is joined to its beginning along a surface in time and space, so that every pixel
-    changes over when it shows least. Nothing is blended. Steps that would show are spread evenly. The line
-    that is printed ends with a verdict: will not be seen, or the frame to look at.
+    CLIP is a video (with PyAV), a GIF, WebP or APNG, or a folder of frames. It is cut where it comes back
+    best, and its end is joined to its beginning along a surface in time and space, so that each pixel
+    switches when that shows least. Nothing is blended. Steps that would show are spread evenly. The line that
+    is printed ends with a verdict: will not be seen, or the frame to look at.
 
     \b
     toposeam loop waves.mp4 -o waves_loop.mp4 --length 3s-5s

@@ -117,14 +117,14 @@ _PAGES = (".html", ".htm")
     "--depth",
     heading="Output",
     type=click.IntRange(8, 512),
-    help="Let heat take its ways in a block of this many elements' height, and write the mesh: .stl or .ply.",
+    help="Let heat flow through a block this many elements high, and write the mesh: .stl or .ply.",
 )
 @option(
     "--colourways",
     heading="Output",
     help="Also write it in these palettes, from the same densities: spring,sea makes NAME-spring.png …",
 )
-@option("--palettes", heading="Output", is_flag=True, help="Print the palettes that have a name.")
+@option("--palettes", heading="Output", is_flag=True, help="Print the named palettes.")
 @option("--styles", heading="Output", is_flag=True, help="Print the styles, and what they look like.")
 @option(
     "--show-recipe",

@@ -29,10 +29,10 @@ SCRIPTS: dict[str, tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = {
         ("seam",),
         ("docs/toy_figures.py", "docs/thesis_cases.py", "docs/photographs.py", "samples/still_life_left.png"),
     ),
-    "people_figures.py": (
-        ("people.jpg",),
+    "compared_figures.py": (
+        ("compared.jpg",),
         ("seam",),
-        ("samples/portrait_left.jpg", "samples/portrait_right.jpg"),
+        ("samples/still_life_left.png", "samples/still_life_right.png"),
     ),
     "texture_figures.py": (
         ("fig-3.24*", "fig-3.25*", "fig-3.26*", "texture-*"),

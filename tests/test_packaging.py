@@ -301,7 +301,7 @@ def test_the_tests_are_collected_where_there_is_nothing_of_unix(tmp_path):
             "-q",
         ],
         cwd=HERE,
-        env=os.environ | {"PYTHONPATH": str(tmp_path)},
+        env=os.environ | {"PYTHONPATH": f"{tmp_path}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"},
         capture_output=True,
         text=True,
         check=False,

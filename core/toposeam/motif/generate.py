@@ -83,7 +83,7 @@ def generate_motif(
     progress: Callable[[float], None] | None = None,
     **options: Unpack[RecipeKeywords],
 ) -> Motif:
-    """Generate a motif by heat conduction.
+    """Generate a motif by heat conduction; ``ts.motif(…)`` calls it, too.
 
     Parameters
     ----------

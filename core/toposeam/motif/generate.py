@@ -181,8 +181,8 @@ def check_work(recipe: Recipe, max_megapixels: float, depth: int = 1) -> None:
         )
     if rounds * millions > _MOST_ROUNDS * max_megapixels:
         raise OptionError(
-            "the motif's layers ask for {rounds} iterations of {columns} × {rows} elements, of at most "
-            "{allowed}; make it smaller, or iterate less",
+            "the motif takes {rounds} iterations of {columns} × {rows} elements in all layers, more than "
+            "{allowed}; ask for fewer, or for a smaller motif",
             kind="too large",
             parameter=Term("iterations"),
             value=rounds,

@@ -103,7 +103,7 @@ def fill(
     search: Search,
     results: Results,
 ) -> None:
-    """Replace part of IMAGE with what the rest looks like.
+    """Replace part of IMAGE by what the rest of it is like.
 
     \b
     toposeam fill meadow.jpg --box 420,310,80,120 -o meadow_clean.png

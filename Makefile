@@ -112,7 +112,8 @@ bench: $(READY)  ## seams against their peers, in one run (about 5 minutes)
 results: $(READY)  ## the tables of docs/results.md and docs/heat.md, measured and written there (40 minutes)
 	$(BIN)/python benchmarks/results.py -j 2
 	$(BIN)/python benchmarks/engines.py --write
-	$(BIN)/python docs/made.py ../benchmarks/seams.py
+	$(BIN)/python docs/results_figures.py
+	$(BIN)/python docs/made.py ../benchmarks/seams.py results_figures.py
 
 bench-all: bench results  ## and textures, plates, batches and pattern books against theirs
 	$(BIN)/python benchmarks/texture.py
@@ -131,7 +132,9 @@ figures: $(READY)  ## the documents' pictures, but those of GIMP, into docs/figu
 	$(BIN)/python docs/stitching_figures.py
 	$(BIN)/python docs/volume_figures.py
 	$(BIN)/python docs/picture_page.py
-	$(BIN)/python docs/made.py make_figures.py motif_figures.py make_pattern_figures.py texture_figures.py stitching_figures.py volume_figures.py picture_page.py
+	$(BIN)/python docs/compared_figures.py
+	$(BIN)/python docs/panorama_figures.py
+	$(BIN)/python docs/made.py panorama_figures.py make_figures.py motif_figures.py make_pattern_figures.py texture_figures.py stitching_figures.py volume_figures.py picture_page.py compared_figures.py
 
 clean:  ## remove what the other targets made
 	rm -rf $(VENV) $(VENV)-lowest demo build dist .pytest_cache .mypy_cache .ruff_cache

@@ -149,7 +149,7 @@ def offered() -> dict[str, str]:
 #: Figures that show what a function does.
 PICTURED = {
     "fill": "texture-fill.jpg",
-    "find_places": "people.jpg",
+    "find_places": "compared.jpg",
     "find_seam": "hero.png",
     "find_surface": "surface-heat.png",
     "generate_motif": "motifs-seeds.jpg",

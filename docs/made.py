@@ -29,10 +29,15 @@ SCRIPTS: dict[str, tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = {
         ("seam",),
         ("docs/toy_figures.py", "docs/thesis_cases.py", "docs/photographs.py", "samples/still_life_left.png"),
     ),
-    "people_figures.py": (
-        ("people.jpg",),
+    "compared_figures.py": (
+        ("compared.jpg",),
         ("seam",),
-        ("samples/portrait_left.jpg", "samples/portrait_right.jpg"),
+        ("samples/still_life_left.png", "samples/still_life_right.png"),
+    ),
+    "panorama_figures.py": (
+        ("panoramas-steps.jpg",),
+        ("seam",),
+        ("docs/compared_figures.py", "samples/portrait_left.jpg", "samples/portrait_right.jpg"),
     ),
     "texture_figures.py": (
         ("fig-3.24*", "fig-3.25*", "fig-3.26*", "texture-*"),
@@ -70,10 +75,11 @@ SCRIPTS: dict[str, tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = {
         ("plugin_gimp/toposeam_gimp/entries/table.py", "plugin_gimp/toposeam_gimp/texts.py"),
     ),
     "../benchmarks/seams.py": (("fig-3.27*",), (), ()),
+    "results_figures.py": (("results-*",), (), ()),
 }
 
 #: Their pictures show times, which no result of the code can be held against: only the commit is told.
-MEASURED = {"../benchmarks/seams.py"}
+MEASURED = {"../benchmarks/seams.py", "results_figures.py"}
 
 
 def fingerprint(script: str) -> str:

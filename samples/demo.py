@@ -37,10 +37,6 @@ STEPS = (
         "A pattern invented by heat:",
         "motif --repeat p4m --palette fall --seed 7 --size 256 --sheet 3x3 -o {o}/pattern.png --force",
     ),
-    (
-        "Every method on the still life:",
-        "compare {s}/still_life_left.png {s}/still_life_right.png --offset 270,0",
-    ),
 )
 
 LOOK = """\

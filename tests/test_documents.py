@@ -2,8 +2,10 @@
 
 import itertools
 import json
+import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 from importlib.util import module_from_spec, spec_from_file_location
@@ -145,28 +147,63 @@ def beside_the_samples(tmp_path, monkeypatch):
 SETTING_UP = re.compile(r"(make|python3 -m venv|uv|pipx) |\S+/pip install |\S+/toposeam gimp install")
 
 
+def shown_code(document):
+    """The lines of shell and the blocks of Python of a document, in order."""
+    text = document.read_text(encoding="utf-8")
+    for language, code in re.findall(r"^```(sh|python)\n(.*?)^```", text, re.MULTILINE | re.DOTALL):
+        for part in [code] if language == "python" else code.splitlines():
+            if language == "python" or not SETTING_UP.match(part):
+                yield language, part
+
+
+def run_shell(line, environment=None):
+    """Run a line of a document, which must succeed and write what it says."""
+    command, *words = shlex.split(line, comments=True)
+    assert command in ("toposeam", ".venv/bin/toposeam"), line
+    done = subprocess.run(
+        [sys.executable, "-P", "-m", "toposeam", *words],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=environment,
+    )
+    assert done.returncode == 0, f"{line}\n{done.stderr}"
+    for option in ("-o", "--overlay", "--seam", "--preview"):
+        if option in words:
+            assert Path(words[words.index(option) + 1]).stat().st_size > 0
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_readme_runs_from_a_wheel(beside_the_samples, tmp_path_factory):
+    """What the checkout has and the wheel lacks would be missed here."""
+    built, installed = tmp_path_factory.mktemp("built"), tmp_path_factory.mktemp("installed")
+    words = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", built, HERE]
+    subprocess.run(words, check=True, capture_output=True)
+    (wheel,) = built.glob("*.whl")
+    shutil.unpack_archive(wheel, installed, "zip")
+    environment = os.environ | {"PYTHONPATH": str(installed)}
+    python = [sys.executable, "-P", "-c"]
+    asked = "import toposeam, toposeam_cli; print(toposeam.__file__, toposeam_cli.__file__)"
+    files = subprocess.check_output([*python, asked], env=environment, text=True).split()
+    assert all(Path(file).is_relative_to(installed) for file in files)
+    for language, code in shown_code(HERE / "README.md"):
+        if language == "python":
+            subprocess.run([*python, code], check=True, env=environment)
+        else:
+            run_shell(code, environment)
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 def test_readme_and_tutorials_run_in_one_folder(beside_the_samples):
     """Every line of shell and of Python, in order, as somebody would who copies them."""
     for document in (HERE / "README.md", *TUTORIALS):
-        text = document.read_text(encoding="utf-8")
         names, ran = {}, 0
-        for language, code in re.findall(r"^```(sh|python)\n(.*?)^```", text, re.MULTILINE | re.DOTALL):
+        for language, code in shown_code(document):
             if language == "python":
                 exec(compile(code, document.name, "exec"), names)  # noqa: S102 - our own document
-                continue
-            for line in code.splitlines():
-                if SETTING_UP.match(line):
-                    continue
-                command, *words = shlex.split(line, comments=True)
-                assert command in ("toposeam", ".venv/bin/toposeam"), line
-                done = subprocess.run(
-                    [sys.executable, "-m", "toposeam", *words], capture_output=True, text=True, check=False
-                )
-                assert done.returncode == 0, f"{document.name}: {line}\n{done.stderr}"
+            else:
+                run_shell(code)
                 ran += 1
-                for option in ("-o", "--overlay", "--seam", "--preview"):
-                    if option in words:
-                        assert Path(words[words.index(option) + 1]).stat().st_size > 0
         assert ran or names or document.stem == "gimp", document

@@ -29,6 +29,7 @@ BASE = {
     "toposeam.images",
     "toposeam.colours",
     "toposeam.typing",
+    "toposeam.verbs",
 }
 BELOW = BASE | {
     "toposeam.saving",
@@ -69,6 +70,7 @@ ARROWS = {
     "toposeam.volume": BELOW | {"toposeam.seam"},
     "toposeam.solid": BELOW | {"toposeam.motif", "toposeam.volume"},
     "toposeam.typing": set(),
+    "toposeam.verbs": set(),
     "toposeam_cli": set(),
     "toposeam_cli.__main__": {"toposeam_cli.app", "toposeam_gimp"},
     "toposeam_cli.app": CLI_CORE | {"toposeam_cli.files", "toposeam_cli.jobs"},

@@ -252,6 +252,28 @@ def test_public_ci_is_valid_and_asks_for_what_there_is():
     assert extras <= set(project["optional-dependencies"])
 
 
+def test_a_release_hands_out_all_there_is():
+    yaml = pytest.importorskip("yaml")
+    workflow = yaml.safe_load((HERE / ".github/workflows/release.yml").read_text(encoding="utf-8"))
+    jobs = workflow["jobs"]
+    assert set(jobs) == {"archives", "wheels", "alone", "release"}
+    assert set(jobs["release"]["needs"]) == set(jobs) - {"release"}
+    assert workflow["permissions"] == {"contents": "read"}
+    assert [name for name, job in jobs.items() if "permissions" in job] == ["release"]
+    systems = [one["system"].partition("-")[0] for one in jobs["alone"]["strategy"]["matrix"]["include"]]
+    assert systems == ["linux", "windows", "macos"]
+    steps = [step for job in jobs.values() for step in job["steps"]]
+    kept = [step["with"]["name"] for step in steps if "upload-artifact" in step.get("uses", "")]
+    assert len({name.partition("-")[0] for name in kept}) == len(kept) == 3
+    runs = [step["run"] for step in steps if "run" in step]
+    for path in set(re.findall(r"\b(?:core|packaging|plugin_gimp|samples|tools)/[\w./]+", "\n".join(runs))):
+        assert (HERE / path).is_file(), path
+    (asked,) = (run for run in runs if "GITHUB_REF_NAME#v" in run and "grep" in run)
+    for version, code in ((project_version(), 0), (project_version() + "1", 1)):
+        environment = os.environ | {"GITHUB_REF_NAME": f"v{version}"}
+        assert subprocess.run(["sh", "-c", asked], cwd=HERE, env=environment, check=False).returncode == code
+
+
 @pytest.mark.slow
 def test_the_tests_are_collected_where_there_is_nothing_of_unix(tmp_path):
     """Public CI runs them on Windows, which nobody has tried."""
@@ -279,7 +301,7 @@ def test_the_tests_are_collected_where_there_is_nothing_of_unix(tmp_path):
             "-q",
         ],
         cwd=HERE,
-        env=os.environ | {"PYTHONPATH": str(tmp_path)},
+        env=os.environ | {"PYTHONPATH": f"{tmp_path}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"},
         capture_output=True,
         text=True,
         check=False,

@@ -1,18 +1,18 @@
 """TopoSeam: join, grow and invent images along optimal seams.
 
-The verbs, with the commands of ``toposeam`` that do the same to files:
+The verbs; commands of ``toposeam`` with the same names do the same to files:
 
-- Join: `stitch` pictures (``stitch``), make a clip `loop` (``loop``), join stacks of slices by `join_volumes`
-  (``volume``); `find_places`, `find_seam` and `find_surface` say where pictures lie and are cut.
-- Grow: `synth` a texture from a sample (``synth``), `tile` a picture so that it repeats (``tile``), `fill`
-  what a mask covers (``fill``).
-- Invent: `generate_motif` (``motif``) and `repeat` it (``repeat``).
-- Plan: `plan_path` over a map of costs (``path``).
+- Join: `stitch` pictures, make a clip `loop`, join stacks of slices with `volume`; `find_places`, `find_seam`
+  and `find_surface` say where pictures lie and are cut.
+- Grow: `synth` a texture from a sample, `tile` a picture so that it repeats, `fill` what a mask covers.
+- Invent: a `motif`, and `repeat` it.
+- Plan: a `path` over a map of costs.
 
 Arrays and PIL pictures go in; results are pictures themselves (``np.asarray(result)``, ``to_pil(result)``)
 with masks, seams and settings. More is in the rooms `layers`, `seam`, `texture`, `motif`, `volume`, `path`,
-`solid`, `vector`, `optimize` and `typing`. `make_tileable` and `synthesize` are former names of `tile` and
-`synth`.
+`solid`, `vector`, `optimize` and `typing`. Type checkers know no room that is called, such as `motif`; they
+want the same functions as `generate_motif`, `join_volumes` and `plan_path`. `make_tileable` and `synthesize`
+are former names of `tile` and `synth`.
 """
 
 import lazy_loader

@@ -1,13 +1,17 @@
 """Small files that ask for much: each is refused at once, in a sentence."""
 
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
+import toposeam as ts
 from toposeam_cli.files.tables import LARGEST_BYTES, read_table
+from toposeam_cli.media.clips.reading import most_loaded
 from toposeam_cli.media.pictures.lens import noted
+from toposeam_cli.motifs.recipe_files import read_recipe, to_toml
 from toposeam_cli.stitching.inputs import canvas_megapixels
 
 
@@ -151,6 +155,72 @@ def test_a_large_picture_in_a_small_file_is_not_decoded(toposeam, pair, monkeypa
     joined(toposeam, pair, str(pair / "a.png"), str(pair / "c.jp2"), "--offset", "50,0").fails(
         "5000 x 5000 pixels, which no photograph needs so few for"
     )
+
+
+@pytest.fixture
+def alike(tmp_path):
+    """A GIF of few bytes and 108 megapixels."""
+    frames = [Image.new("P", (3000, 3000)) for _ in range(12)]
+    for number, frame in enumerate(frames):
+        frame.putpixel((number, 0), 1)  # else it is one frame, shown longer
+    frames[0].save(tmp_path / "c.gif", save_all=True, append_images=frames[1:])
+    assert (tmp_path / "c.gif").stat().st_size < 10_000
+    return str(tmp_path / "c.gif")
+
+
+@pytest.mark.medium
+@pytest.mark.parametrize("words", [("loop",), ("stitch", "--offset", "0,2900,0")])
+def test_a_small_clip_of_many_pixels_is_not_decoded(toposeam, alike, tmp_path, monkeypatch, words):
+    monkeypatch.setattr("PIL.Image.Image.convert", lambda *_, **__: pytest.fail("was decoded"))
+    command, *options = words
+    files = [alike] * (2 if options else 1)
+    ran = toposeam(
+        command, *files, *options, "-o", str(tmp_path / "clip.webp" if options else tmp_path / "o.gif")
+    )
+    ran.fails("12 frames of 3000 × 3000 px, 108 megapixels")
+
+
+def test_a_large_clip_may_have_many_pixels(tmp_path):
+    for name, size in (("small", 10), ("large", 2_000_000), ("huge", 50_000_000)):
+        with (tmp_path / name).open("wb") as file:
+            file.truncate(size)
+    sizes = [most_loaded(tmp_path / name, None) / 1e6 for name in ("small", "large", "huge")]
+    assert sizes == [100, 200, 500]
+    assert most_loaded(tmp_path, None) / 1e6 == 500
+    assert most_loaded(tmp_path, 7) == 7
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        ("m.png --size 8192", "8192 × 8192 elements, more than 5 million"),
+        ("m.png --size 64 --max-megapixels 0.001", "64 × 64 elements, more than 0.001 million"),
+        ("m.png --size 1024 --style vein --iterations 10000", "10000 iterations of 1024 × 1024 elements"),
+        ("m.html --explore 2x2 --size 4000", "4000 × 4000 elements"),
+        ("m.stl --depth 128 --iterations 10000", "10000 iterations of 128 × 128"),
+    ],
+)
+def test_a_motif_of_days_and_gigabytes(toposeam, tmp_path, words, text):
+    output, *options = words.split()
+    ran = toposeam("motif", "-o", str(tmp_path / output), "--layers", "1", *options)
+    ran.fails(text)
+    ran.fails("or allow more with --max-megapixels")
+
+
+def test_a_recipe_of_days_in_a_picture(toposeam, tmp_path):
+    picture = str(tmp_path / "m.png")
+    assert toposeam("motif", "-o", picture, "--size", "16", "--iterations", "2").code == 0
+    wild = read_recipe(Path(picture)).to_dict() | {"size": [4096, 4096], "iterations": 9999}
+    for layer in wild["layers"]:
+        layer.pop("iterations", None)
+    (tmp_path / "wild.toml").write_text(to_toml(ts.motif.Recipe.from_dict(wild)))
+    toposeam("motif", "-o", str(tmp_path / "n.png"), "--from", str(tmp_path / "wild.toml")).fails(
+        "4096 × 4096 elements, more than 5 million"
+    )
+    with pytest.raises(ts.OptionError, match="iterations of 4096 × 4096") as raised:
+        ts.generate_motif(ts.motif.Recipe.from_dict(wild), max_megapixels=17)
+    assert raised.value.kind == "too large"
+    assert raised.value.data["allowed"] == 101
 
 
 def test_floats_of_64_bits_are_named(toposeam, pair):

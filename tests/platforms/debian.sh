@@ -112,10 +112,10 @@ as_user yes "python3 -m venv ../loader && ../loader/bin/pip download -q -d ../wh
     { tail -n 20 "$log.three"; fail "downloading failed"; }
 TIMEFORMAT="%R %U %S"
 three() {
-    as_user no "python3 -m venv .venv && .venv/bin/pip install -q --no-compile --no-cache-dir --no-index --find-links ../wheels .[cli] && .venv/bin/toposeam stitch samples/still_life_left.png samples/still_life_right.png -o first.png" >>"$log.three" 2>&1
+    as_user no "python3 -m venv .venv && .venv/bin/pip install -q --no-compile --no-cache-dir --no-index --find-links ../wheels .[cli] && .venv/bin/toposeam stitch samples/portrait_left.jpg samples/portrait_right.jpg -o first.jpg" >>"$log.three" 2>&1
 }
 took=$({ time three; } 2>&1) || { tail -n 20 "$log.three"; fail "three commands failed"; }
-[ -s "$root$place/first.png" ] || fail "three commands made no first.png"
+[ -s "$root$place/first.jpg" ] || fail "three commands made no first.jpg"
 read -r clock user system <<<"$took"
 size=$(du -sm "$root$place/.venv" | cut -f1)
 echo 'import time

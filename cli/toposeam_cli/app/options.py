@@ -414,7 +414,7 @@ PLACEMENT: tuple[Callable[[Any], Any], ...] = (
         heading="Seam",
         kept=True,
         type=click.IntRange(min=0),
-        help="Pieces inside others need not show if they cannot show so many px; 64, or 0.05 % of a picture.",
+        help="Pieces inside others may be hidden if they can show fewer px; 64, or 0.05 % of a picture.",
     ),
 )
 

@@ -38,7 +38,7 @@ _LITTLE_SPACE = 2**30
 
 @click.command()
 def doctor() -> None:
-    """Check what works here, and say what is missing for the rest."""
+    """Check what works here, and say what the rest needs."""
     healthy = True
     for finding in (*_basis(), *_extras(), *_gimp()):
         healthy = healthy and finding.well

@@ -60,7 +60,7 @@ class _Words(click.Command):
 @click.option("-l", "--levels", default="auto", help="Blend over 2 to the power of LEVELS px; auto is 32 px.")
 @click.option("--compression", default="lzw", help="Of .tif: none, lzw, deflate. Of .jpg: 0 to 100.")
 @click.option("--save-masks", metavar="TEMPLATE", help="Also write where each picture shows, as mask-%n.tif.")
-@click.option("--load-masks", metavar="TEMPLATE", help="Show each picture where such a mask is white.")
+@click.option("--load-masks", metavar="TEMPLATE", help="Show each picture where its mask is white.")
 @click.version_option(VERSION, message="%(version)s")
 def enblend(words: tuple[str, ...], **given: Any) -> None:
     """Blend pictures that Hugin's nona has placed: in enblend's place, with its options.

@@ -44,7 +44,7 @@ def gimp() -> None:
 @click.option(
     "--python",
     type=FILE,
-    help="The Python that shall do the work in GIMP, if not the one that runs this command.",
+    help="The Python that does the work in GIMP, if not the one that runs this command.",
 )
 @click.option(
     "--venv",

@@ -109,7 +109,7 @@ def join(
     force: bool,
     quiet: bool,
 ) -> None:
-    """Make motifs again so that they join each other, and lay them out.
+    """Remake motifs so that they join each other, and lay them out.
 
     \b
     toposeam join a.png b.png -o mixed.png --sheet 6x6

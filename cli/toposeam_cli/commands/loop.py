@@ -26,13 +26,14 @@ from toposeam_cli.app.progress import say, share_bar
 from toposeam_cli.files.writing import all_or_nothing, check_output, replacing
 from toposeam_cli.media.clips.clip import Clip, check_pixels
 from toposeam_cli.media.clips.cut import Cut, Duration
-from toposeam_cli.media.clips.reading import open_clip
+from toposeam_cli.media.clips.reading import most_loaded, open_clip
 from toposeam_cli.media.clips.sound import looped_sound
 from toposeam_cli.media.clips.writing import ANIMATED, VIDEOS, check_clip_output, folder_for, write_clip
 from toposeam_cli.media.pictures.masks import read_white
+from toposeam_cli.media.pictures.picture import MAX_PIXELS
 
-#: Most pixels of a clip that is read part by part, and of one that is loaded.
-_MOST_PIXELS, _MOST_LOADED = 100_000_000_000, 500_000_000
+#: Most pixels of a clip that is read part by part.
+_MOST_PIXELS = 100_000_000_000
 
 
 class DurationType(click.ParamType):  # type: ignore[type-arg]
@@ -74,8 +75,8 @@ class DurationType(click.ParamType):  # type: ignore[type-arg]
     required=True,
     help="The loop: .mp4, .mov, .mkv, .webm, .gif, .webp, .png (APNG), or a folder for frames.",
 )
-@option("--from", "first", heading="Clip", type=DurationType(), help="Read the clip from there on.")
-@option("--to", "last", heading="Clip", type=DurationType(), help="Read the clip up to there.")
+@option("--from", "first", heading="Clip", type=DurationType(), help="Read the clip from here on.")
+@option("--to", "last", heading="Clip", type=DurationType(), help="Read the clip up to here.")
 @option(
     "--scale",
     heading="Clip",
@@ -85,33 +86,33 @@ class DurationType(click.ParamType):  # type: ignore[type-arg]
     help="Read the clip at this share of its width and height.",
 )
 @option(
-    "--length", heading="Loop", type=DurationType(ranges=True), help="How long the loop is; found by default."
+    "--length", heading="Loop", type=DurationType(ranges=True), help="Length of the loop; found by default."
 )
 @option("--start", heading="Loop", type=DurationType(), help="Where in the clip it begins; found by default.")
 @option(
     "--transition",
     heading="Loop",
     type=DurationType(),
-    help="Within how long pixels change over; a quarter of the clip by default, 24 frames at most.",
+    help="Time within which pixels switch; a quarter of the clip by default, 24 frames at most.",
 )
 @option(
     "--grow",
     heading="Loop",
     type=DurationType(),
-    help="A longer clip: at least this long, by jumps back and forth.",
+    help="Make a longer clip, at least this long, by jumping back and forth.",
 )
 @option(
     "--level/--no-level",
     heading="Loop",
     default=None,
-    help="Even out what shows of the change, of light and of soft forms, or never: pixels then keep their "
-    "values no more, but nothing is blended. By default where it would show else.",
+    help="Even out steps of light and soft forms that the change would show, or never. Evened pixels lose "
+    "their own values, but nothing is blended. By default only where steps would show.",
 )
 @option(
     "--still",
     heading="Clip",
     type=FILE,
-    help="A picture of the frames' size, white where nothing shall move.",
+    help="A picture of the frames' size, white where nothing should move.",
 )
 @option(
     "--stabilise",
@@ -120,10 +121,10 @@ class DurationType(click.ParamType):  # type: ignore[type-arg]
     help="Take the shift and turn of a trembling camera out first, and crop to what all frames show.",
 )
 @option(
-    "--fps", heading="Clip", type=FiniteRange(0.01, 1000), help="Read the clip at so many frames a second."
+    "--fps", heading="Clip", type=FiniteRange(0.01, 1000), help="Read the clip at this many frames a second."
 )
 @option(
-    "--seed", heading="Loop", type=int, default=0, show_default=True, help="Of --grow: decides the order."
+    "--seed", heading="Loop", type=int, default=0, show_default=True, help="With --grow: decides the order."
 )
 @surface_cost_option
 @option(
@@ -134,7 +135,8 @@ class DurationType(click.ParamType):  # type: ignore[type-arg]
     heading="Speed and memory",
     type=FiniteRange(min=0, min_open=True),
     help="Refuse clips with more pixels in all their frames; by default 100000 for videos, which are read "
-    "part by part, and 500 for what is loaded: other clips, and loops written as .gif, .webp or .png.",
+    "part by part, and 500 for what is loaded: other clips (less for a file under 5 MB, down to 100), and "
+    "loops written as .gif, .webp or .png.",
 )
 @option(
     "--json", "as_json", heading="Output", is_flag=True, help="Print what was made, and the verdict, as JSON."
@@ -144,10 +146,10 @@ class DurationType(click.ParamType):  # type: ignore[type-arg]
 def loop(clip: Path, output: Path, **given: Any) -> None:
     """Make CLIP repeat without a visible jump.
 
-    CLIP is a video (with PyAV), a GIF, WebP or APNG, or a folder of frames. Where it comes back best is
-    found; there its end is joined to its beginning along a surface in time and space, so that every pixel
-    changes over when it shows least. Nothing is blended. Steps that would show are spread evenly. The line
-    that is printed ends with a verdict: will not be seen, or the frame to look at.
+    CLIP is a video (with PyAV), a GIF, WebP or APNG, or a folder of frames. It is cut where it comes back
+    best, and its end is joined to its beginning along a surface in time and space, so that each pixel
+    switches when that shows least. Nothing is blended. Steps that would show are spread evenly. The line that
+    is printed ends with a verdict: will not be seen, or the frame to look at.
 
     \b
     toposeam loop waves.mp4 -o waves_loop.mp4 --length 3s-5s
@@ -160,10 +162,10 @@ def loop(clip: Path, output: Path, **given: Any) -> None:
     if given["mesh"] is not None:
         check_output(given["mesh"], force, (".ply", ".stl"))
     asked = None if given["max_megapixels"] is None else round(given["max_megapixels"] * 1e6)
-    max_pixels, max_loaded = asked or _MOST_PIXELS, asked or _MOST_LOADED
+    max_pixels, max_loaded = asked or _MOST_PIXELS, asked or MAX_PIXELS
     rate = None if given["fps"] is None else Fraction(given["fps"]).limit_denominator(1001)
     cut = Cut(first=given["first"], last=given["last"], scale=given["scale"])
-    read = open_clip(clip, rate, max_pixels, max_loaded, cut)
+    read = open_clip(clip, rate, max_pixels, most_loaded(clip, asked), cut)
     options = _options(read, given)
     if "grow" in options:
         check_pixels("the grown clip", options["grow"], read.frames.shape[1:], max_loaded)

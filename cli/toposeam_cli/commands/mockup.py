@@ -48,7 +48,9 @@ from toposeam_cli.motifs.recipe_files import read_settings
     type=FiniteRange(1, 10_000),
     help="Pixels per inch of the thing itself.  [default: 1200 px along its longer side]",
 )
-@click.option("--inks", type=click.IntRange(1), help="Simplify: keep so many inks, those with the most ink.")
+@click.option(
+    "--inks", type=click.IntRange(1), help="Simplify: keep this many inks, those with the most ink."
+)
 @click.option("--edge", type=click.Choice(EDGES), help="Sharpen, or soften: how all strokes end.")
 @click.option(
     "--repeat",

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +14,10 @@ import numpy as np
 
 import toposeam as ts
 from toposeam.colours import parse_colour
+from toposeam.motif.generate import MAX_MEGAPIXELS
 from toposeam.motif.ink.palettes import Palette
 from toposeam_cli.app.command import Command, option
-from toposeam_cli.app.options import OUTPUT, PairType, force_option, quiet_option
+from toposeam_cli.app.options import MEGAPIXELS, OUTPUT, PairType, force_option, quiet_option
 from toposeam_cli.app.progress import say, share_bar
 from toposeam_cli.files.writing import all_or_nothing, atomic_write, check_output, replacing
 from toposeam_cli.motifs.options import Beginning, Wanted, beginning_options, recipe_options
@@ -115,20 +117,28 @@ _PAGES = (".html", ".htm")
     "--depth",
     heading="Output",
     type=click.IntRange(8, 512),
-    help="Let heat take its ways in a block of this many elements' height, and write the mesh: .stl or .ply.",
+    help="Let heat flow through a block this many elements high, and write the mesh: .stl or .ply.",
 )
 @option(
     "--colourways",
     heading="Output",
     help="Also write it in these palettes, from the same densities: spring,sea makes NAME-spring.png …",
 )
-@option("--palettes", heading="Output", is_flag=True, help="Print the palettes that have a name.")
+@option("--palettes", heading="Output", is_flag=True, help="Print the named palettes.")
 @option("--styles", heading="Output", is_flag=True, help="Print the styles, and what they look like.")
 @option(
     "--show-recipe",
     heading="Output",
     is_flag=True,
     help="Print the recipe as TOML; without -o nothing is made.",
+)
+@option(
+    "--max-megapixels",
+    heading="Speed and memory",
+    type=MEGAPIXELS,
+    default=MAX_MEGAPIXELS,
+    show_default=True,
+    help="Refuse motifs of more elements, or whose layers together iterate 100 times as many.",
 )
 @force_option
 @quiet_option
@@ -147,6 +157,7 @@ def motif(
     palettes: bool,
     styles: bool,
     show_recipe: bool,
+    max_megapixels: float,
     force: bool,
     quiet: bool,
 ) -> None:
@@ -174,10 +185,10 @@ def motif(
                 "--depth makes a solid, which is not printed on paper; of the options for that it knows "
                 "--motif-width only"
             )
-        _solid(output, depth, wanted.given(), beginning, ink.width_mm, force, quiet)
+        _solid(output, depth, wanted.given(), beginning, ink.width_mm, max_megapixels, force, quiet)
         return
     if explore is not None:
-        _explore(output, explore, wanted.given(), beginning, force, quiet)
+        _explore(output, explore, wanted.given(), beginning, max_megapixels, force, quiet)
         return
     recipe, sheet_was = _recipe(wanted.given(), beginning.amount, _begun(beginning))
     recipe = renamed(recipe, spot_names, edge)
@@ -196,14 +207,25 @@ def motif(
     for path in (output, *others):
         check_output(path, force, SUFFIXES)
         check_print(path, ink_names(recipe), ink, force)
-    with share_bar(f"inventing {output.name}", quiet) as bar:
-        made = ts.generate_motif(recipe, progress=bar)
+    with share_bar(f"inventing {output.name}", quiet) as bar, _allowing_more():
+        made = ts.generate_motif(recipe, max_megapixels=max_megapixels, progress=bar)
     extent = _write(output, made, paper, ink, others, wanted.paper is not None, force)
     if not quiet:
         unseen = unseen_inks(recipe)
         if unseen is not None:
             say(unseen, err=True)
         say(f"{output}: {extent}, {describe(made, paper.counts)}", err=show_recipe)
+
+
+@contextmanager
+def _allowing_more() -> Iterator[None]:
+    """Name the option that allows a larger motif."""
+    try:
+        yield
+    except ts.OptionError as error:
+        if error.kind != "too large":
+            raise
+        raise error.within("{error}, or allow more with --max-megapixels") from None
 
 
 def _list(palettes: bool, styles: bool) -> None:
@@ -258,6 +280,7 @@ def _solid(
     given: dict[str, Any],
     beginning: Beginning,
     width_mm: float | None,
+    max_megapixels: float,
     force: bool,
     quiet: bool,
 ) -> None:
@@ -271,8 +294,8 @@ def _solid(
     )
     recipe, _ = _recipe(given, beginning.amount, begun)
     recipe = dataclasses.replace(recipe, layers=recipe.layers[:1])
-    with share_bar(f"inventing {output.name}", quiet) as bar:
-        solid = ts.solid.generate_solid(recipe, depth, progress=bar)
+    with share_bar(f"inventing {output.name}", quiet) as bar, _allowing_more():
+        solid = ts.solid.generate_solid(recipe, depth, max_megapixels=max_megapixels, progress=bar)
     element = 1.0 if width_mm is None else width_mm / recipe.size[1]
     mesh = solid.mesh(element)
     with replacing(output, force) as temporary:
@@ -291,6 +314,7 @@ def _explore(
     counts: tuple[int, int],
     wanted: dict[str, Any],
     beginning: Beginning,
+    max_megapixels: float,
     force: bool,
     quiet: bool,
 ) -> None:
@@ -313,8 +337,8 @@ def _explore(
         if relative and number:
             amount = 0.4 if beginning.amount is None else beginning.amount
         recipes.append(_recipe(given, amount, begun)[0])
-    with share_bar(f"inventing {len(recipes)} motifs", quiet) as bar:
-        page = explore_page(recipes, counts[0], bar)
+    with share_bar(f"inventing {len(recipes)} motifs", quiet) as bar, _allowing_more():
+        page = explore_page(recipes, counts[0], max_megapixels, bar)
     atomic_write(output, page, force)
     if not quiet:
         say(f"{output}: {len(recipes)} motifs; open it, and click those to keep")

@@ -67,7 +67,7 @@ def path(
     force: bool,
     quiet: bool,
 ) -> None:
-    """Find a way over MAP by heat: easy where it is bright, none where it is black.
+    """Find a way over MAP by heat: easy where it is bright, blocked where it is black.
 
     \b
     toposeam path map.png --from 4,80 --to 130,80 -o way.svg

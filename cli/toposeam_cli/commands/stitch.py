@@ -75,8 +75,9 @@ def stitch(first: Path, second: Path | None, others: tuple[Path, ...], **given: 
     """Join pictures where they overlap, along seams that nobody sees.
 
     A is the first picture, or a folder, an OpenRaster file (.ora), layout (.toml, .json) or Hugin project
-    (.pto) with all of them; later pictures lie on top. Where nobody says where they lie, nor TIFF files as
-    Hugin's nona writes them, that is found out from what they show, and pictures are warped as they need it.
+    (.pto) with all of them; later pictures lie on top. Unless you say where
+    they lie, or TIFF files by Hugin's nona do, places are found from what the pictures show, and pictures are
+    warped as needed.
 
     \b
     toposeam stitch *.jpg -o all.jpg

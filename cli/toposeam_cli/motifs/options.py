@@ -113,7 +113,7 @@ _RECIPE: tuple[Callable[[Any], Any], ...] = (
         "--seed",
         heading="Motif",
         type=click.IntRange(0),
-        help="Everything that is not given follows from it.  [default: 0]",
+        help="Decides everything that you do not give.  [default: 0]",
     ),
     option(
         "--palette",

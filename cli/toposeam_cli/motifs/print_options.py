@@ -118,7 +118,7 @@ def print_options(command: Callable[..., Any]) -> Callable[..., Any]:
                 "--separations",
                 heading="Print",
                 is_flag=True,
-                help="Beside it a gray picture of each ink, black where it is full: NAME.1-INK.tif.",
+                help="Also write a gray picture of each ink, black where it is full: NAME.1-INK.tif.",
             ),
         )
     ):

@@ -137,9 +137,9 @@ def unseen_inks(recipe: ts.motif.Recipe) -> str | None:
     if not names:
         return None
     if opaque:
-        return f"{', '.join(names)} will hardly be seen on {to_hex(paper)}; take another paper or other inks"
+        return f"{', '.join(names)} will barely show on {to_hex(paper)}; take another paper or other inks"
     return (
-        f"{', '.join(names)} will hardly be seen: inks are transparent and make the paper darker, and "
+        f"{', '.join(names)} will barely show: inks are transparent and make the paper darker, and "
         f"{to_hex(paper)} is as dark as they are; take a lighter paper, darker inks, or --ink opaque"
     )
 

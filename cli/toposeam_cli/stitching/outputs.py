@@ -134,7 +134,7 @@ def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "--labels",
             heading="Output",
             type=OUTPUT,
-            help="Also write who shows where: black for A, white for the last, grays between.",
+            help="Also write which picture shows where: black for A, white for the last, grays between.",
         ),
         option(
             "--overlay",

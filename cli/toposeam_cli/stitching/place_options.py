@@ -55,8 +55,8 @@ def finding_options(command: Callable[..., Any]) -> Callable[..., Any]:
             type=click.Choice(("auto", *MODELS)),
             default="auto",
             show_default=True,
-            help="What brings pictures together: moves; turns and scales, too; the perspective of one plane; "
-            "a camera that turns. auto takes the poorest that explains them.",
+            help="How pictures may be placed: moved; also turned and scaled; by the perspective of one "
+            "plane; by a camera that turns. auto takes the simplest that explains them.",
         ),
         option(
             "--exact",
@@ -90,7 +90,7 @@ def finding_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "--level/--no-level",
             heading="Finding places",
             default=True,
-            help="Lay the horizon level, the default.",
+            help="Level the horizon, the default.",
         ),
         option(
             "--centre",
@@ -103,7 +103,7 @@ def finding_options(command: Callable[..., Any]) -> Callable[..., Any]:
             heading="Finding places",
             type=FiniteRange(0, 360, min_open=True),
             metavar="DEGREES",
-            help="Show at most so many degrees across of what a camera saw; all by default.",
+            help="Show at most this many degrees across of what a camera saw; all by default.",
         ),
         option(
             "--horizon",
@@ -124,8 +124,8 @@ def finding_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "--groups/--one",
             heading="Finding places",
             default=None,
-            help="Pictures that show something else are joined, too, into files of their own, OUTPUT-2, "
-            "OUTPUT-3, ..., the default where no option names pictures; or only the largest group is joined.",
+            help="Also join pictures that show something else, into OUTPUT-2, OUTPUT-3, ..., the default "
+            "where no option names pictures; or join only the largest group.",
         ),
         option(
             "--as",
@@ -134,7 +134,7 @@ def finding_options(command: Callable[..., Any]) -> Callable[..., Any]:
             kept=True,
             type=click.Choice(KINDS),
             help="photographs: match shading, blend in bands, fit to a rectangle, the default where "
-            "pictures were warped; scans: nothing of it, the default elsewhere and with --exact.",
+            "pictures were warped; scans: none of that, the default elsewhere and with --exact.",
         ),
     )
     for each in reversed(options):

@@ -39,7 +39,7 @@ def position_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "--grid",
             heading="Place",
             type=PairType(cells=True),
-            help="With --overlap: the pictures follow each other row by row in so many columns and rows.",
+            help="With --overlap: the pictures fill a grid of this many columns and rows, row by row.",
         ),
         option(
             "--row", heading="Place", is_flag=True, help="With --overlap: the pictures continue to the right."
@@ -58,7 +58,7 @@ def position_options(command: Callable[..., Any]) -> Callable[..., Any]:
             heading="Place",
             kept=True,
             is_flag=True,
-            help="Move the pictures from about where they belong to where they agree.",
+            help="Move pictures that lie only roughly right to where they agree.",
         ),
         option(
             "--align-radius",

@@ -268,7 +268,7 @@ def misfits(rendered: Rendered, job: PlacedPictures, executor: Executor | None) 
 def _placement_summary(job: PlacedPictures) -> dict[str, Any] | None:
     """Summarise the places that were found, for ``--json``; None if they were given.
 
-    What is not known of a camera is None.
+    What is unknown of a camera is None.
     """
     placement = job.placement
     if placement is None:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from toposeam_cli.stitching.inputs import PlacedPictures
     from toposeam_cli.stitching.outputs import Outputs
 
-#: Below this correlation two pictures hardly show the same. Warped ones may fit to some px only, so that
+#: Below this correlation two pictures show little in common. Warped ones may fit to some px only, so that
 #: means of blocks of so many px, and a correlation of these, have to say it, too.
 _STRANGE, _BLOCK, _STRANGE_BLOCKS = 0.1, 8, 0.2
 #: So many pairs of pictures are named in warnings of one kind.
@@ -72,9 +72,8 @@ def seam_options(command: Callable[..., Any]) -> Callable[..., Any]:
             heading="Seam",
             kept=True,
             type=click.Choice(EFFORTS),
-            help="Of the search for more than two pictures: fast by default up to 12, from there on "
-            "best, which "
-            "takes 2 to 4 times as long.",
+            help="How hard to search with more than two pictures: fast by default up to 12, best beyond, "
+            "which takes 2 to 4 times as long.",
         ),
         option(
             "--formulation",
@@ -95,14 +94,14 @@ def seam_options(command: Callable[..., Any]) -> Callable[..., Any]:
             heading="Tones and blend",
             kept=True,
             default=None,
-            help="First take exposure steps out: one gain per picture and channel.",
+            help="First remove exposure steps: one gain per picture and channel.",
         ),
         option(
             "--match-shading/--no-match-shading",
             heading="Tones and blend",
             kept=True,
             default=None,
-            help="The same, and that lenses darken towards the corners: a smooth gain field per picture.",
+            help="The same, and undo how lenses darken the corners: a smooth gain field per picture.",
         ),
         option(
             "--blend",
@@ -125,9 +124,8 @@ def seam_options(command: Callable[..., Any]) -> Callable[..., Any]:
             kept=True,
             type=click.IntRange(1, MOST_BENT),
             metavar="PX",
-            help="Bend the pictures by up to PX pixels until what crosses a seam goes on behind it; for "
-            "what stood "
-            "near the camera.",
+            help="Bend pictures by up to PX pixels so that what crosses a seam continues beyond it; for "
+            "things near the camera.",
         ),
     )
     for each in reversed(options):
@@ -270,7 +268,7 @@ def correlations(job: PlacedPictures, executor: Executor | None = None) -> dict[
 
 
 def strangers(job: PlacedPictures, wrap: int | None = None, executor: Executor | None = None) -> list[str]:
-    """Return a sentence for each two pictures that hardly show the same where they overlap, if `wrap` is
+    """Return a sentence for each two pictures that show little in common where they overlap, if `wrap` is
     given also all the way round, or that match elsewhere.
     """
     if job.placement is not None:
@@ -285,7 +283,7 @@ def strangers(job: PlacedPictures, wrap: int | None = None, executor: Executor |
         again = [index for index, layer in enumerate(layers) if layer.at[0] + wrap < right]
         layers += [replace(layers[k], at=(layers[k].at[0] + wrap, layers[k].at[1])) for k in again]
     return _few(
-        f"{layers[i].name} and {layers[j].name} hardly show the same where they overlap"
+        f"{layers[i].name} and {layers[j].name} show little in common where they overlap"
         f"{'' if j < count else ' all the way round'} (correlation {value:.2f}); check where they lie"
         f"{'' if j < count else ' and how wide --wrap is'}"
         for (i, j), value in ts.layers.correlations(layers, executor=executor).items()

@@ -72,20 +72,26 @@ class RecipeKeywords(TypedDict, total=False):
 
 #: Most layers of a motif.
 _MOST_LAYERS = 1000
+#: Most elements of a motif by default, in millions, and how often all layers together may iterate that many.
+MAX_MEGAPIXELS, _MOST_ROUNDS = 5.0, 100
 
 
 def generate_motif(
     source: int | tuple[int, int] | Recipe,
     *,
+    max_megapixels: float = MAX_MEGAPIXELS,
     progress: Callable[[float], None] | None = None,
     **options: Unpack[RecipeKeywords],
 ) -> Motif:
-    """Generate a motif by heat conduction.
+    """Generate a motif by heat conduction; ``ts.motif(…)`` calls it, too.
 
     Parameters
     ----------
     source : int, (rows, columns) or Recipe
         The cell's size in elements, or a recipe, which fixes every parameter.
+    max_megapixels : float
+        Most elements, in millions; all layers together may iterate a hundred times as many. Somebody else's
+        recipe may ask for days and many gigabytes.
     progress : callable, optional
         Called with the share done, in [0, 1].
     **options
@@ -133,6 +139,7 @@ def generate_motif(
                 allowed=tuple(known),
             )
         recipe = random_recipe(source, **options)
+    check_work(recipe, max_megapixels)
     alone = [recipe.of_layer(index) for index in range(len(recipe.layers))]
     total = sum(each.iterations for each in alone)
     densities: list[npt.NDArray[np.float32]] = []
@@ -150,6 +157,39 @@ def generate_motif(
         densities.append(repair_strokes(density, recipe.repeat, mass) if own.filter_radius else density)
         history.append(steps)
     return smooth_borders(densities, recipe, lambda layers: make_motif(recipe, layers, history))
+
+
+def check_work(recipe: Recipe, max_megapixels: float, depth: int = 1) -> None:
+    """Refuse a recipe that asks for too many elements or iterations; see :func:`generate_motif`.
+
+    Raises
+    ------
+    OptionError
+    """
+    check_number("max_megapixels", max_megapixels, 0, above=True)
+    rows, columns = recipe.size
+    millions = rows * columns * depth / 1e6
+    rounds = sum(layer.iterations or recipe.iterations for layer in recipe.layers)
+    given = {"rows": rows, "columns": columns, "most": max_megapixels}
+    if millions > max_megapixels:
+        raise OptionError(
+            "the motif has {columns} × {rows} elements, more than {most:g} million; make it smaller",
+            kind="too large",
+            parameter=Term("size"),
+            value=recipe.size,
+            **given,
+        )
+    if rounds * millions > _MOST_ROUNDS * max_megapixels:
+        raise OptionError(
+            "the motif takes {rounds} iterations of {columns} × {rows} elements in all layers, more than "
+            "{allowed}; ask for fewer, or for a smaller motif",
+            kind="too large",
+            parameter=Term("iterations"),
+            value=rounds,
+            rounds=rounds,
+            allowed=int(_MOST_ROUNDS * max_megapixels / millions),
+            **given,
+        )
 
 
 def make_motif(

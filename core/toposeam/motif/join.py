@@ -131,7 +131,7 @@ def border_mismatch(a: Motif, b: Motif) -> float:
     Examples
     --------
     >>> import toposeam as ts
-    >>> motif = ts.generate_motif(16, layers=1, repeat="translate", seed=1, iterations=3)
+    >>> motif = ts.motif(16, layers=1, repeat="translate", seed=1, iterations=3)
     >>> ts.motif.border_mismatch(motif, motif) >= 0
     True
     """

@@ -29,7 +29,7 @@ class Motif(Inked):
     Examples
     --------
     >>> import toposeam as ts
-    >>> motif = ts.generate_motif(16, layers=2, repeat="p4m", seed=1, iterations=3)
+    >>> motif = ts.motif(16, layers=2, repeat="p4m", seed=1, iterations=3)
     >>> motif.densities.shape, motif.repeat
     ((2, 16, 16), 'p4m')
     """
@@ -136,7 +136,7 @@ def repeat_densities(
     Examples
     --------
     >>> import toposeam as ts
-    >>> motif = ts.generate_motif(16, layers=2, repeat="p4m", seed=1, iterations=3)
+    >>> motif = ts.motif(16, layers=2, repeat="p4m", seed=1, iterations=3)
     >>> ts.motif.repeat_densities(motif, (2, 3)).shape
     (2, 32, 48)
     """
@@ -167,7 +167,7 @@ def repeat(
     Examples
     --------
     >>> import toposeam as ts
-    >>> motif = ts.generate_motif(16, repeat="p4m", seed=1, iterations=3)
+    >>> motif = ts.motif(16, repeat="p4m", seed=1, iterations=3)
     >>> ts.repeat(motif, (2, 3)).shape
     (32, 48, 3)
     """

@@ -56,7 +56,7 @@ class PathOptions:
     Examples
     --------
     >>> import numpy as np, toposeam as ts
-    >>> way = ts.plan_path((16, 24), (2, 8), (21, 8), options=ts.path.PathOptions(gather=10, sharpen=10))
+    >>> way = ts.path((16, 24), (2, 8), (21, 8), options=ts.path.PathOptions(gather=10, sharpen=10))
     >>> len(way.paths)
     1
     """
@@ -87,7 +87,7 @@ class PathIteration:
     Examples
     --------
     >>> import numpy as np, toposeam as ts
-    >>> way = ts.plan_path((16, 24), (2, 8), (21, 8))
+    >>> way = ts.path((16, 24), (2, 8), (21, 8))
     >>> way.history[0].leg
     1
     """

@@ -37,7 +37,7 @@ class PlannedPath:
     Examples
     --------
     >>> import numpy as np, toposeam as ts
-    >>> way = ts.plan_path((16, 24), (2, 8), (21, 8))
+    >>> way = ts.path((16, 24), (2, 8), (21, 8))
     >>> 18 < way.length < 21
     True
     """
@@ -111,7 +111,8 @@ def plan_path(
     progress: Callable[[float], None] | None = None,
     **given: Unpack[PathKeywords],
 ) -> PlannedPath:
-    """Plan ways from sources to sinks: optimise the material that conducts heat, and trace it.
+    """Plan ways from sources to sinks: optimise the material that conducts heat, and trace it;
+    ``ts.path(…)`` calls it, too.
 
     Parameters
     ----------

@@ -26,6 +26,7 @@ from toposeam.checks import check_function, check_kind, check_range, check_whole
 from toposeam.errors import OptionError, Term
 from toposeam.heat.block import Block
 from toposeam.heat.threads import one_thread
+from toposeam.motif.generate import MAX_MEGAPIXELS, check_work
 from toposeam.motif.optimise.conduction import MIN_DENSITY, VOID, power
 from toposeam.motif.optimise.layer import TOLERANCE
 from toposeam.motif.recipe.recipe import LayerRecipe, Point, Recipe
@@ -123,7 +124,13 @@ class Solid:
         )
 
 
-def generate_solid(recipe: Recipe, depth: int, *, progress: Callable[[float], None] | None = None) -> Solid:
+def generate_solid(
+    recipe: Recipe,
+    depth: int,
+    *,
+    max_megapixels: float = MAX_MEGAPIXELS,
+    progress: Callable[[float], None] | None = None,
+) -> Solid:
     """Generate a solid by heat conduction in a block.
 
     Parameters
@@ -133,6 +140,8 @@ def generate_solid(recipe: Recipe, depth: int, *, progress: Callable[[float], No
         rule are the block's. The filter's radius is not used, and a base image is refused.
     depth : int
         Height of the block, in cubes.
+    max_megapixels : float
+        As for :func:`toposeam.generate_motif`, for cubes.
     progress : callable, optional
         Called with the share done, in [0, 1].
 
@@ -188,6 +197,7 @@ def generate_solid(recipe: Recipe, depth: int, *, progress: Callable[[float], No
             least=_MIN_SIDE,
             most=_MAX_CUBES,
         )
+    check_work(recipe, max_megapixels, depth)
     with one_thread():
         return _optimise(recipe, shape, progress)
 

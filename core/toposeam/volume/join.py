@@ -43,7 +43,7 @@ class JoinedVolume:
     --------
     >>> import numpy as np, toposeam as ts
     >>> a, b = np.random.default_rng(0).random((2, 8, 10, 10))
-    >>> ts.join_volumes(a, b, offset=(4, 0, 0)).volume.shape
+    >>> ts.volume(a, b, offset=(4, 0, 0)).volume.shape
     (12, 10, 10)
     """
 
@@ -117,7 +117,8 @@ def join_volumes(
     progress: Callable[[float], None] | None = None,
     **given: Unpack[SurfaceKeywords],
 ) -> JoinedVolume:
-    """Join two overlapping stacks along the surface that shows least, and cuts the fewest cells.
+    """Join two overlapping stacks along the surface that shows least, and cuts the fewest cells;
+    ``ts.volume(…)`` calls it, too.
 
     Parameters
     ----------
@@ -161,7 +162,7 @@ def join_volumes(
     --------
     >>> import numpy as np, toposeam as ts
     >>> cells = np.random.default_rng(0).random((6, 20, 30))
-    >>> joined = ts.join_volumes(cells[:, :, :20], cells[:, :, 12:], offset=(0, 0, 12))
+    >>> joined = ts.volume(cells[:, :, :20], cells[:, :, 12:], offset=(0, 0, 12))
     >>> bool((joined.volume == cells).all())
     True
     """

@@ -139,7 +139,7 @@ def test_a_card_shows_whole_motifs_in_their_own_shape(repeat, counts, size):
         ts.motif.random_recipe(size, layers=layers, iterations=2, seed=3, repeat=repeat) for layers in (1, 2)
     ]
     shares = []
-    page = explore_page(recipes, 5, shares.append)
+    page = explore_page(recipes, 5, 1.0, shares.append)
     assert shares == [0.5, 1]
     assert "repeat(5, 1fr)" in page
     assert re.findall(rf"{repeat}, seed 3, (\d inks?)<", page) == ["1 ink", "2 inks"]

@@ -11,8 +11,9 @@ from toposeam.errors import ImageError
 from toposeam.sentence import counted
 from toposeam_cli.files.writing import all_or_nothing
 from toposeam_cli.media.clips.clip import Clip
-from toposeam_cli.media.clips.reading import read_clip
+from toposeam_cli.media.clips.reading import most_loaded, read_clip
 from toposeam_cli.media.clips.writing import check_clip_output, folder_for, write_clip
+from toposeam_cli.media.pictures.picture import MAX_PIXELS
 
 #: Distance between frames relative to that between pixels, as for loops: (t, y, x).
 _SPACING = (0.7, 1.0, 1.0)
@@ -43,7 +44,8 @@ def join_clips(job: ClipJob, progress: Callable[[float], None] | None = None) ->
         When the output cannot be written, or the clips do not overlap.
     """
     check_clip_output(job.output, job.force)
-    first, second = (read_clip(path, None, job.max_pixels) for path in (job.first, job.second))
+    asked = None if job.max_pixels == MAX_PIXELS else job.max_pixels
+    first, second = (read_clip(path, None, most_loaded(path, asked)) for path in (job.first, job.second))
     if first.rate != second.rate:
         raise ImageError(
             f"{job.first.name} has {float(first.rate):g} frames a second and {job.second.name} has "

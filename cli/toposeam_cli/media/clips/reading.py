@@ -17,7 +17,7 @@ from toposeam.errors import ImageError, MissingPackageError
 from toposeam_cli.media.clips.clip import DEFAULT_RATE, Clip, check_pixels, even_times, evenly
 from toposeam_cli.media.clips.cut import Cut
 from toposeam_cli.media.clips.video import OPENED, VideoFrames, unreadable
-from toposeam_cli.media.pictures.picture import read_picture
+from toposeam_cli.media.pictures.picture import MAX_PIXELS, read_picture
 
 #: Pictures that may hold several frames, read by Pillow.
 ANIMATED = (".gif", ".webp", ".png", ".apng")
@@ -25,10 +25,23 @@ ANIMATED = (".gif", ".webp", ".png", ".apng")
 FRAMES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".webp")
 _Frame = npt.NDArray[np.uint8]
 _WHOLE = Cut()
+#: Most pixels that are loaded of a small file by default, and for each byte of others.
+_MOST_OF_SMALL, _MOST_FOR_A_BYTE = 100_000_000, 100
 
 
 class OneFrameError(ImageError):
     """A picture with one frame, where a clip is needed."""
+
+
+def most_loaded(path: Path, asked: int | None) -> int:
+    """Return how many pixels of a clip may be loaded: those asked for, else fewer of a small file, since a
+    few bytes hold many frames that are alike.
+    """
+    if asked:
+        return asked
+    files = path.iterdir() if path.is_dir() else [path]
+    size = sum(file.stat().st_size for file in files if file.is_file())
+    return min(MAX_PIXELS, max(_MOST_OF_SMALL, _MOST_FOR_A_BYTE * size))
 
 
 def read_clip(path: Path, rate: Fraction | None, max_pixels: int, cut: Cut = _WHOLE) -> Clip:

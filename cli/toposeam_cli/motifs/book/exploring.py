@@ -23,7 +23,10 @@ _SHOWN_PX = 360
 
 
 def explore_page(
-    recipes: Sequence[ts.motif.Recipe], columns: int, progress: Callable[[float], None] | None
+    recipes: Sequence[ts.motif.Recipe],
+    columns: int,
+    max_megapixels: float,
+    progress: Callable[[float], None] | None,
 ) -> str:
     """Return the page as one .html file.
 
@@ -31,12 +34,14 @@ def explore_page(
     ----------
     recipes : sequence of Recipe
     columns : int
+    max_megapixels : float
+        Of each; see :func:`toposeam.generate_motif`.
     progress : callable or None
         Called with the share done.
     """
     cards = []
     for number, recipe in enumerate(recipes, 1):
-        made = ts.generate_motif(recipe)
+        made = ts.generate_motif(recipe, max_megapixels=max_megapixels)
         picture = to_depth(_swatch(made), np.dtype(np.uint8))
         data = base64.b64encode(to_vips(picture).pngsave_buffer(compression=9)).decode("ascii")
         inks = counted(len(recipe.layers), "ink")

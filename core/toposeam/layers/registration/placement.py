@@ -203,16 +203,16 @@ def large_canvas(layers: Sequence[Layer], pixels: int) -> list[str]:
     if times <= _LARGEST_CANVAS:
         return []
     return [
-        f"the canvas of {width} × {height} px has {times:.1f} times as many pixels as the pictures: look "
-        "whether they lie and are stretched as they should be"
+        f"the canvas of {width} × {height} px has {times:.1f} times as many pixels as the pictures: check "
+        "that they are placed and stretched as they should be"
     ]
 
 
 def weakly_held(names: Sequence[str], correlations: Mapping[Pair, float]) -> list[str]:
-    """Tell of pairs that alone hold pictures together and hardly show the same."""
+    """Tell of pairs that alone hold pictures together and show little in common."""
     return [
-        f"{names[i]} and {names[j]} hardly show the same (correlation {correlation:.2f}), and nothing else "
-        "says where they lie: what repeats itself, as windows do, matches in several places; check them"
+        f"{names[i]} and {names[j]} show little in common (correlation {correlation:.2f}), and nothing else "
+        "says where they lie: things that repeat, such as windows, match in several places; check them"
         for (i, j), correlation in correlations.items()
         if correlation < _SURE_CORRELATION
         and groups(len(names), [pair for pair in correlations if pair != (i, j)]).any()
@@ -222,16 +222,16 @@ def weakly_held(names: Sequence[str], correlations: Mapping[Pair, float]) -> lis
 def seems_flat(length: float) -> str:
     """Tell of a plane that a camera of that focal length, mm, would have to have seen."""
     return (
-        "taken for one plane, as a map, a scan, a facade or what was seen from afar, since a camera that "
-        f"turned would have a lens of {length:.0f} mm"
+        "taken for one plane, such as a map, a scan, a facade or something far away, since a turning camera "
+        f"would have a lens of {length:.0f} mm"
     )
 
 
 def asked_camera(off: float) -> str:
     """Tell of pictures of which only a plane brings all pairs together, up to so many px off."""
     return (
-        "a camera that only turned does not explain these pictures, as one plane does: up to "
-        f"{off:.0f} px are left, as where the camera moved, too; it was taken since it was asked for"
+        "a camera that only turned does not explain these pictures, but one plane does: up to "
+        f"{off:.0f} px are left, as if the camera also moved; it was used because you asked for it"
     )
 
 

@@ -88,7 +88,7 @@ class SvgOptions:
     Examples
     --------
     >>> import toposeam as ts
-    >>> motif = ts.generate_motif(16, layers=1, seed=1, iterations=3)
+    >>> motif = ts.motif(16, layers=1, seed=1, iterations=3)
     >>> 'width="80mm"' in ts.motif.draw_svg(motif, options=ts.motif.SvgOptions(width_mm=80))
     True
     """
@@ -140,7 +140,7 @@ def draw_svg(
     Examples
     --------
     >>> import toposeam as ts
-    >>> motif = ts.generate_motif(16, layers=1, seed=1, iterations=3)
+    >>> motif = ts.motif(16, layers=1, seed=1, iterations=3)
     >>> "<svg" in ts.motif.draw_svg(motif, (2, 2), width_mm=80)
     True
     """

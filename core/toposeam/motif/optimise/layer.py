@@ -43,7 +43,7 @@ class Step:
     Examples
     --------
     >>> import toposeam as ts
-    >>> motif = ts.generate_motif(16, layers=1, seed=1, iterations=3, coarse=False)
+    >>> motif = ts.motif(16, layers=1, seed=1, iterations=3, coarse=False)
     >>> [step.rows for step in motif.history[0]]
     [16, 16, 16]
     """

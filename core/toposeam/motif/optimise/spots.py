@@ -59,7 +59,7 @@ def spots(
             )
         if count > _MAX_POINTS:
             raise OptionError(
-                "{parameter} is {value}; so many leave no strokes between them, give {most} at most",
+                "{parameter} is {value}, which leaves no strokes between them; give {most} at most",
                 kind="whole number",
                 parameter=Term(name),
                 value=count,

@@ -864,11 +864,21 @@ def test_groups_are_joined_into_files_of_their_own(views, toposeam, sole):
     sole("leave it or --groups out", *words, "--keep", "0=a.png")
     Path("out-2.png").write_bytes(b"kept")
     sole("'out-2.png' exists already", *words)
-    files = "-o", "all.png", "--save-layout", "all.toml"
+    sole("--contact shows pictures in one file, not .ora", *words, "-o", "all.ora", "--contact", "sheet.png")
+    sole("two outputs have the same name", *words, "-o", "n.png", "--contact", "n.png")
+    files = "-o", "all.png", "--save-layout", "all.toml", "--contact", "sheet.png"
     ran = joined(toposeam, *words, *files, "--centre", "b.png", "--json")
     assert ran.err == ""
     assert read_picture("all-2.png").pixels.shape == (200, 400, 3)
     assert [layer.name for layer in read_layout(Path("all-2.toml")).layers] == ["s0.png", "s1.png"]
+    sheet = np.asarray(Image.open("sheet.png"))
+    assert sheet.shape[1] == 1600
+    for name in ("all.png", "all-2.png"):  # both are there, as large as they are
+        corner = read_picture(name).pixels[20:28, 20:28]
+        rows, columns = np.nonzero((sheet == corner[0, 0]).all(axis=2))
+        assert any(
+            np.array_equal(sheet[y : y + 8, x : x + 8], corner) for y, x in zip(rows, columns, strict=True)
+        )
     found = json.loads(ran.out)
     assert [part["placement"]["used"] for part in (found, *found["groups"])] == [3, 2]
 

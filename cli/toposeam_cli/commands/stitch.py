@@ -125,14 +125,20 @@ def stitch(first: Path, second: Path | None, others: tuple[Path, ...], **given: 
             return _stitch(members, where, finding, find, out, given, layout, means)
 
     job, result = joined(files, finding, out)
+    written = [(out.output, str(result.get("report", out.output)))]
     for number, members in enumerate(() if finding.groups is False else job.other_groups, 2):
         own = numbered(out, number)
         try:
             check_outputs(own)
             found = joined(members, finding.without_names(files, members), own)[1]
+            written.append((own.output, str(found.get("report", own.output))))
             result.setdefault("groups", []).append(found)
         except ts.OverlapError as error:
             say(f"left out: {error}", err=True)
+    if out.contact is not None:
+        from toposeam_cli.stitching.contact_sheet import write_contact_sheet
+
+        write_contact_sheet(out.contact, written, out.force)
     if out.as_json:
         say(json.dumps(result, indent=2), lines=True)
     return result

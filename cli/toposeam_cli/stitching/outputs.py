@@ -72,6 +72,12 @@ def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "seam costs.",
         ),
         option(
+            "--contact",
+            heading="Output",
+            type=OUTPUT,
+            help="Also write all panoramas small on one sheet (.jpg, .png), each with its line.",
+        ),
+        option(
             "--skip-bad",
             heading="Output",
             is_flag=True,
@@ -187,6 +193,7 @@ class Outputs:
     history: Path | None
     save_layout: Path | None
     report: Path | None
+    contact: Path | None
     as_json: bool
     force: bool
     quiet: bool
@@ -209,7 +216,7 @@ def numbered(out: Outputs, number: int) -> Outputs:
     paths: dict[str, Any] = {
         field.name: path.with_stem(f"{path.stem}-{number}")
         for field in dataclasses.fields(out)
-        if isinstance(path := getattr(out, field.name), Path)
+        if field.name != "contact" and isinstance(path := getattr(out, field.name), Path)
     }
     return dataclasses.replace(out, **paths)
 
@@ -240,6 +247,7 @@ def check_outputs(out: Outputs) -> None:
         (out.history, SEARCH_SUFFIXES),
         (out.save_layout, (".toml", ".pto")),
         (out.report, (".html",)),
+        (out.contact, (".jpg", ".jpeg", ".png")),
     ):
         if path is not None:
             check_output(path, out.force, suffixes)
@@ -251,6 +259,10 @@ def check_outputs(out: Outputs) -> None:
         raise ts.OptionError("two outputs have the same name; give each a name of its own")
     if suffix == ".ora" and (out.crop is not None or out.background is not None):
         raise ts.OptionError("--crop and --background are for pictures; an .ora file keeps all of the layers")
+    if suffix in (".ora", ".dzi") and out.contact is not None:
+        raise ts.OptionError(
+            f"--contact shows pictures in one file, not {suffix}; write .png or .tif, or leave it out"
+        )
     if out.fill_edges is not None:
         if out.crop == "fit":
             raise ts.OptionError(

@@ -8,6 +8,7 @@ from PIL import ImageFont
 
 from toposeam.motif.book import SEASONS
 from toposeam.motif.kinds import Kind
+from toposeam_cli.media import font
 from toposeam_cli.media.pictures.picture import Picture, write_picture
 from toposeam_cli.motifs.book import pdf
 
@@ -111,7 +112,7 @@ def test_products_fill_their_place(folder):
 
 
 def test_texts_beyond_ascii_take_a_font_that_has_them(monkeypatch):
-    assert pdf._font("Discs", 40).getname()[0] == ImageFont.load_default(40).getname()[0]
+    assert font.font_for("Discs", 40).getname()[0] == ImageFont.load_default(40).getname()[0]
     tried = []
 
     truetype = ImageFont.truetype
@@ -123,8 +124,8 @@ def test_texts_beyond_ascii_take_a_font_that_has_them(monkeypatch):
         raise OSError
 
     monkeypatch.setattr(ImageFont, "truetype", found)
-    assert pdf._font("Blüten", 40) is not None  # where no other font is, Pillow's
-    assert set(tried) >= set(pdf._FONTS)
+    assert font.font_for("Blüten", 40) is not None  # where no other font is, Pillow's
+    assert set(tried) >= set(font._FONTS)
 
 
 def box(page, colour):

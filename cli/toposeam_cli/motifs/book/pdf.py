@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +11,7 @@ import numpy as np
 
 from toposeam.motif.book import SEASONS
 from toposeam.motif.kinds import Kind
+from toposeam_cli.media.font import font_for
 from toposeam_cli.media.pictures.libvips import load_vips, to_vips
 from toposeam_cli.media.pictures.picture import read_picture
 from toposeam_cli.motifs.book.html import beside, caption
@@ -25,11 +24,6 @@ _INK, _SOFT = "#2b2926", "#7b756c"
 _PAPER = "#faf8f4"
 #: Resolution of a page, px per inch, and quality of its JPEG, with which text of 5 pt is sharp in print.
 _DPI, _QUALITY = 300, 90
-#: Common fonts of systems, for titles beyond ASCII.
-_FONTS = (
-    *("NotoSansCJK-Regular.ttc", "DejaVuSans.ttf", "NotoSans-Regular.ttf", "arial.ttf", "Arial.ttf"),
-    *("malgun.ttf", "AppleSDGothicNeo.ttc"),
-)
 #: Longer side of a mock-up on the page, px.
 _PRODUCT_PX = 700
 
@@ -98,7 +92,7 @@ class _Page:
         """Draw lines of text, `size` in points."""
         side = size / 72 * _DPI
         text = text.replace("–", "-")
-        self._draw.multiline_text((_px(x), _px(y)), text, colour, _font(text, side), spacing=0.35 * side)
+        self._draw.multiline_text((_px(x), _px(y)), text, colour, font_for(text, side), spacing=0.35 * side)
 
     def picture(self, pixels: np.ndarray, x: float, y: float, width: float, height: float) -> None:
         """Draw a picture that fills a rectangle."""
@@ -108,21 +102,6 @@ class _Page:
         size = _px(x + width) - left, _px(y + height) - top
         shown = Image.fromarray(pixels).convert("RGB").resize(size, Image.Resampling.LANCZOS)
         self.image.paste(shown, (left, top))
-
-
-def _font(text: str, side: float) -> Any:
-    """Return Pillow's own font, which has ASCII; for other texts one of the system's or matplotlib's, if
-    there is one.
-    """
-    from PIL import ImageFont
-
-    if not text.isascii():
-        places = [] if (spec := find_spec("matplotlib")) is None else spec.submodule_search_locations or []
-        own = [str(Path(place) / "mpl-data/fonts/ttf/DejaVuSans.ttf") for place in places]
-        for name in (*_FONTS, *own):
-            with suppress(OSError):
-                return ImageFont.truetype(name, side)
-    return ImageFont.load_default(side)
 
 
 def _px(length_mm: float) -> int:

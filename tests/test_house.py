@@ -34,6 +34,7 @@ BELOW = BASE | {
     "toposeam.saving",
     "toposeam.display",
     "toposeam.picture_files",
+    "toposeam._kernels",
     "toposeam.heat",
     "toposeam.optimize",
     "toposeam.vector",
@@ -51,6 +52,7 @@ ARROWS = {
     "toposeam.saving": {"toposeam.checks"},
     "toposeam.display": BASE,
     "toposeam.picture_files": BASE | {"toposeam.display", "toposeam.saving"},
+    "toposeam._kernels": set(),
     "toposeam.heat": {"toposeam.arrays", "toposeam.errors", "toposeam.checks"},
     "toposeam.optimize": {"toposeam.arrays", "toposeam.errors", "toposeam.checks"},
     "toposeam.vector": {

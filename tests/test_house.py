@@ -83,6 +83,7 @@ ARROWS = {
     "toposeam_cli.batch": CLI_CORE | {"toposeam_cli.files", "toposeam_cli.app"},
     "toposeam_cli.stitching": CLI_CORE
     | {
+        "toposeam._kernels",
         "toposeam.layers",
         "toposeam_cli.app",
         "toposeam_cli.figures",

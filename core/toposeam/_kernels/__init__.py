@@ -11,24 +11,28 @@ import ctypes
 import os
 import zlib
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.ctypeslib import ndpointer
 
 #: The functions of the C files, called by array; others may run meanwhile, as they let go of Python's lock.
 library: Any = None
 
 _FOLDER = Path(__file__).parent
-_FLAGS, _INT, _INTS = ndpointer(np.bool_, flags="C"), ctypes.c_int32, ndpointer(np.int32, flags="C")
+_INT, _LONG, _DOUBLE = ctypes.c_int32, ctypes.c_int64, ctypes.c_double
+_FLAGS, _INTS, _FLOATS, _DOUBLES, _PIXELS = map(partial(ndpointer, flags="C"), ("?", "i4", "f4", "f8", None))
 #: What each function takes, in the order of its declaration in C.
 _TAKES = {
-    "smallest_hot_side": (_INT, ctypes.c_int64, _INTS, _INTS, _INTS, _FLAGS),
+    "smallest_hot_side": (_INT, _LONG, _INTS, _INTS, _INTS, _FLAGS),
+    "between_knots": (_INT, _INT, _INT, _INT, _DOUBLES, _DOUBLES),
+    "spline_values": (_INT, _INT, _INT, _FLOATS, _DOUBLES, _LONG, _DOUBLES, _FLOATS),
+    "catmull_values": (_INT, _INT, _INT, _INT, _PIXELS, _LONG, _DOUBLES, _DOUBLE, _FLAGS, _PIXELS),
 }
 
 if os.environ.get("TOPOSEAM_KERNELS") != "0":
-    _sources = b"".join(file.read_bytes() for file in sorted(_FOLDER.glob("*.[ch]")))
+    _sources = b"".join(map(Path.read_bytes, sorted(_FOLDER.glob("*.[ch]"))))
     _name = f"kernels-{zlib.crc32(_sources):08x}{'.dll' if os.name == 'nt' else '.so'}"
     with suppress(OSError):  # there is none, or one of another system
         library = ctypes.CDLL(str(_FOLDER / _name))

@@ -52,8 +52,8 @@ def coordinates(transform: Transform, box: Box) -> Floats:
     )
     coarse = transform.to_picture(np.stack(np.meshgrid(across + box.left, down + box.top), axis=-1) + 0.0)
     if _kernels.library is not None:
-        at = np.empty((rows, columns, 2))
-        _kernels.library.between_knots(rows, columns, _STEP, len(across), np.ascontiguousarray(coarse), at)
+        knots, at = np.ascontiguousarray(coarse, float), np.empty((rows, columns, 2))
+        _kernels.library.between_knots(rows, columns, _STEP, len(across), knots, at)
         return at
     points = coarse.view(np.complex128)[..., 0]  # one number each
     return (
@@ -163,7 +163,8 @@ def resampled(planes: npt.NDArray[Any], white: float, points: Floats) -> npt.NDA
     x, y = points[:, 0], points[:, 1]
     left, top = (max(math.floor(each.min()) - _MARGIN, 0) for each in (x, y))
     right, bottom = (math.ceil(each.max()) + _MARGIN + 1 for each in (x, y))
-    values = _splined(planes[top:bottom, left:right].astype(np.float32), points - [left, top])
+    part = np.ascontiguousarray(planes[top:bottom, left:right], np.float32)
+    values = _splined(part, np.ascontiguousarray(points - [left, top]))
     if planes.dtype.kind == "b":
         return np.asarray(values > 0.5)
     if np.issubdtype(planes.dtype, np.integer):
@@ -172,7 +173,7 @@ def resampled(planes: npt.NDArray[Any], white: float, points: Floats) -> npt.NDA
 
 
 def _splined(part: npt.NDArray[np.float32], points: Floats) -> npt.NDArray[np.float32]:
-    """Interpolate an (h, w, C) picture by cubic splines at (M, 2) points x and y: (M, C)."""
+    """Interpolate an (h, w, C) picture by cubic splines at (M, 2) points x and y, both C-contiguous."""
     height, width, channels = part.shape
     result = np.empty((len(points), channels), np.float32)
     if _kernels.library is not None:

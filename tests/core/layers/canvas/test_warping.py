@@ -12,6 +12,7 @@ from toposeam.layers.canvas import (
     coordinates,
     inside,
     on_canvas,
+    resampled,
     similarity,
     warped,
     warped_box,
@@ -227,6 +228,11 @@ def test_kernels_warp_to_the_same_pixels(dtype, channels, both_ways):
     one, other = both_ways(lambda: warped(layer, TRANSFORMS["homography"]).image)
     assert one.std() > 0.1 * WHITE[dtype]
     assert np.array_equal(one, other)
+    lying = ts.Layer(np.rot90(layer.image))  # its pixels lie in another order
+    assert np.array_equal(*both_ways(lambda: warped(lying, TRANSFORMS["homography"]).image))
+    rows = np.rot90(np.random.default_rng(0).random((2, 50)) * 30)
+    planes = layer.image.reshape(HEIGHT, WIDTH, -1)
+    assert np.array_equal(*both_ways(lambda: resampled(planes, 1, rows)))
 
 
 @pytest.mark.parametrize("shape", [(1, 1, 3), (1, 5, 3), (2, 2, 1), (4, 9, 3), (300, 17, 2)])

@@ -148,6 +148,11 @@ static void augment(Flow *flow, int32_t arc) {
     flow->arcs[back].left += amount;
     send_on_way(flow, hot, HOT, amount);
     send_on_way(flow, cold, COLD, amount);
+    for (int32_t i = 0, j = flow->orphan_count - 1; i < j; i++, j--) { /* those near the roots first */
+        const int32_t other = flow->orphans[i];
+        flow->orphans[i] = flow->orphans[j];
+        flow->orphans[j] = other;
+    }
     adopt(flow);
 }
 

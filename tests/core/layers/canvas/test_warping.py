@@ -242,4 +242,4 @@ def test_kernels_know_the_same_splines_at_edges(shape, both_ways):
     points = np.concatenate(
         [rng.random((300, 2)) * ends, np.rint(rng.random((20, 2)) * ends), [[-1e-6, -1e-6], ends + 1e-6]]
     )
-    assert np.array_equal(*both_ways(lambda: warping._splined(part, points)))
+    assert np.array_equal(*both_ways(lambda: resampled(part, 1, points)))

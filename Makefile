@@ -6,7 +6,7 @@ READY := $(VENV)/.ready
 ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1
 
 .DEFAULT_GOAL := help
-.PHONY: address house browser test-gimp-all help demo test test-lowest docs quick release gimp test-gimp gimp-figures bench-gimp translations plugin-zip check check-deep check-trust lint format bench bench-all results guard figures clean
+.PHONY: address house kernels browser test-gimp-all help demo test test-lowest docs quick release gimp test-gimp gimp-figures bench-gimp translations plugin-zip check check-deep check-trust lint format bench bench-all results guard figures clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
@@ -59,8 +59,11 @@ gimp-figures: $(READY) gimp  ## the pictures of docs/gimp.md, made in a real GIM
 	PYTHON=$(BIN)/python tests/gimp/gimp3.sh run python docs/gimp_figures.py
 
 plugin-zip: $(READY)  ## the GIMP plug-in as an archive for people without a terminal, into dist/
-	rm -rf build/wheel && $(BIN)/python -m build --wheel --no-isolation --outdir build/wheel . >/dev/null
+	rm -rf build/wheel && TOPOSEAM_KERNELS=0 $(BIN)/python -m build --wheel --no-isolation --outdir build/wheel . >/dev/null
 	$(BIN)/python plugin_gimp/make_zip.py dist/toposeam-gimp.zip build/wheel/*.whl
+
+kernels: $(READY)  ## compile the kernels of core anew, where there is a C compiler
+	$(BIN)/python hatch_build.py
 
 docs: $(READY)  ## the documentation site, into build/site; a dead link or a missing picture is an error
 	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet -c docs . build/site

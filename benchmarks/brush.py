@@ -13,7 +13,7 @@ whole        ms of the search of everything from coarse to fine, when the stroke
 ÷ fresh      cost after it ÷ that of a search from nothing with the same stroke, median and largest
 seconds      of that search from nothing, median, for comparison
 
-``--scipy`` computes flows by SciPy alone, as a plain ``pip install toposeam`` does.
+``--scipy`` computes flows by SciPy, as where no kernels were built.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ from PIL import Image, ImageOps
 
 import toposeam as ts
 from stamp import stamp
+from toposeam import _kernels
 from toposeam.layers.search import Problem, minimise, search_options
-from toposeam.seam.exact import maximum_flow
 
 
 def read(file: Path, pixels: float = 1.5e6) -> np.ndarray:
@@ -86,7 +86,7 @@ def main() -> None:
     parser.add_argument("--scipy", action="store_true")
     asked = parser.parse_args()
     if asked.scipy:
-        maximum_flow.or_tools = lambda: None
+        _kernels.library = None
     print(stamp())
     sets = [sorted(path.iterdir()) for path in asked.photographs if path.is_dir()]
     single = [path for path in asked.photographs if path.is_file()]

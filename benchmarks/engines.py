@@ -2,10 +2,11 @@
 
     python benchmarks/engines.py            a few minutes
     python benchmarks/engines.py --write    into docs/heat.md
+    python benchmarks/engines.py --only rings
 
 *Strips*, law natural, whole calls: heat, and the shortest path among all corners, ÷ auto, which above a
 million pixels searches among every other corner first. *Rings*, match cost (2.4):
-the search alone, in ms; SciPy's and OR-tools' maximum flow with capacities rounded as `auto` rounds them.
+the search alone, in ms; the kernel's and SciPy's maximum flow with capacities rounded as `auto` rounds them.
 """
 
 from __future__ import annotations
@@ -13,17 +14,17 @@ from __future__ import annotations
 import argparse
 import statistics
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import numpy as np
 
 import toposeam as ts
 from seam_pairs import pair, ring
 from stamp import stamp
+from toposeam import _kernels
 from toposeam.heat.threads import one_thread
-from toposeam.seam.exact import maximum_flow
 from toposeam.seam.exact.graph_cut import graph_cut_labels
 from toposeam.seam.exact.optimum import exact_labels
 from toposeam.seam.heat.method import HeatOptions, heat_path
@@ -34,7 +35,7 @@ from written import write_table
 
 STRIPS = {"160x40": 8, "320x80": 8, "640x160": 8, "1000x250": 8, "2000x500": 4, "4000x1000": 2}
 RINGS = (48, 96, 192, 384, 640, 1290)
-FLOW = "OR-tools' flow"
+FLOW = "kernel's flow"
 METHODS = {"heat": "heat", "shortest-path": "whole path"}
 
 
@@ -78,13 +79,12 @@ def strips() -> list[list[str]]:
 
 def rings() -> list[list[str]]:
     """Heat and maximum flows on closed seams."""
-    by_or_tools = maximum_flow.or_tools()
-    if by_or_tools is None:
-        raise SystemExit("OR-tools is not installed; install it with: pip install '.[fast]'")
+    if _kernels.library is None:
+        raise SystemExit("no kernels were built; build them with: make kernels")
     engines: dict[str, Callable[[SeamProblem], np.ndarray]] = {
         "heat": lambda problem: heat_path(problem, HeatOptions()).labels,
-        FLOW: lambda problem: flowing(problem, by_or_tools),
-        "SciPy's flow": lambda problem: flowing(problem, maximum_flow.by_scipy),
+        FLOW: lambda problem: flowing(problem, _kernels.library),
+        "SciPy's flow": lambda problem: flowing(problem, None),
         "PyMaxflow": graph_cut_labels,
     }
     rows = [["free pixels", *(f"{name}, ms" for name in engines), "flow's cost ÷ heat's"]]
@@ -102,21 +102,13 @@ def rings() -> list[list[str]]:
     return rows
 
 
-def flowing(problem: SeamProblem, engine: maximum_flow.Engine) -> np.ndarray:
-    """The best seam by one engine of maximum flow."""
-    with cutting_by(engine):
-        return exact_labels(problem)
-
-
-@contextmanager
-def cutting_by(engine: maximum_flow.Engine) -> Iterator[None]:
-    """Make all cuts by one engine of maximum flow."""
-    before = maximum_flow._engine_for
-    maximum_flow._engine_for = lambda _nodes: engine
+def flowing(problem: SeamProblem, library: Any) -> np.ndarray:
+    """The best seam by maximum flow, of the kernels or, without them, of SciPy."""
+    before, _kernels.library = _kernels.library, library
     try:
-        yield
+        return exact_labels(problem)
     finally:
-        maximum_flow._engine_for = before
+        _kernels.library = before
 
 
 def timed(call: Callable[[], object]) -> tuple[float, object]:
@@ -138,12 +130,14 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--write", action="store_true")
-    write = parser.parse_args().write
+    parser.add_argument("--only", choices=("strips", "rings"))
+    asked = parser.parse_args()
     print(stamp())
-    tables = {"strips": strips(), "rings": rings()}
-    for name, rows in tables.items():
-        if write:
-            write_table("heat.md", f"benchmarks/engines.py, {name}", rows)
+    for name, table in {"strips": strips, "rings": rings}.items():
+        if asked.only in (None, name):
+            rows = table()
+            if asked.write:
+                write_table("heat.md", f"benchmarks/engines.py, {name}", rows)
 
 
 if __name__ == "__main__":

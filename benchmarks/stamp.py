@@ -8,7 +8,7 @@ from pathlib import Path
 
 import toposeam as ts
 
-PACKAGES = ("numpy", "scipy", "scikit-image", "PyMaxflow", "ortools", "opencv-python-headless")
+PACKAGES = ("numpy", "scipy", "scikit-image", "PyMaxflow", "opencv-python-headless")
 
 
 def stamp() -> str:

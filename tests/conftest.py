@@ -34,6 +34,23 @@ if find_spec("resource") is None:
 
 
 @pytest.fixture
+def both_ways(monkeypatch):
+    """Results of a call by the kernels, and by NumPy and SciPy; the test is skipped where none were built."""
+
+    def results(call):
+        from toposeam import _kernels
+
+        if _kernels.library is None:
+            pytest.skip("no kernels were built")
+        by_kernels = call()
+        with monkeypatch.context() as without:
+            without.setattr(_kernels, "library", None)
+            return by_kernels, call()
+
+    return results
+
+
+@pytest.fixture
 def hangups_arrive():
     """``nohup`` lets the tests ignore a closed terminal, and with them what they start: not while they send
     that signal themselves.

@@ -35,6 +35,7 @@ BELOW = BASE | {
     "toposeam.saving",
     "toposeam.display",
     "toposeam.picture_files",
+    "toposeam._kernels",
     "toposeam.heat",
     "toposeam.optimize",
     "toposeam.vector",
@@ -52,6 +53,7 @@ ARROWS = {
     "toposeam.saving": {"toposeam.checks"},
     "toposeam.display": BASE,
     "toposeam.picture_files": BASE | {"toposeam.display", "toposeam.saving"},
+    "toposeam._kernels": set(),
     "toposeam.heat": {"toposeam.arrays", "toposeam.errors", "toposeam.checks"},
     "toposeam.optimize": {"toposeam.arrays", "toposeam.errors", "toposeam.checks"},
     "toposeam.vector": {
@@ -83,6 +85,7 @@ ARROWS = {
     "toposeam_cli.batch": CLI_CORE | {"toposeam_cli.files", "toposeam_cli.app"},
     "toposeam_cli.stitching": CLI_CORE
     | {
+        "toposeam._kernels",
         "toposeam.layers",
         "toposeam_cli.app",
         "toposeam_cli.figures",

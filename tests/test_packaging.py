@@ -170,6 +170,29 @@ def test_the_wheel_holds_the_four_packages_and_nothing_else(built):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("wanted", ["1", "0"])
+def test_a_wheel_with_kernels_fits_one_system(tmp_path, monkeypatch, wanted):
+    """That without them, as where there is no compiler, fits all."""
+    monkeypatch.setenv("TOPOSEAM_KERNELS", wanted)
+    words = [sys.executable, "-m", "build", "--no-isolation", "--wheel", "--outdir", tmp_path, HERE]
+    subprocess.run(words, check=True, capture_output=True)
+    (wheel,) = tmp_path.glob("*.whl")
+    with zipfile.ZipFile(wheel) as file:
+        for name in file.namelist():
+            file.extract(name, tmp_path)
+    libraries = list(tmp_path.glob("toposeam/_kernels/kernels-*"))
+    if wanted == "1" and not libraries and script("hatch_build.py").build() is None:
+        pytest.skip("there is no C compiler")
+    assert len(libraries) == int(wanted)
+    assert wheel.name.endswith("py3-none-any.whl") == (wanted == "0")
+    assert (tmp_path / "toposeam/_kernels/flow.c").exists()
+    code = "from toposeam import _kernels; print(_kernels.library is not None, _kernels.__file__)"
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path), "TOPOSEAM_KERNELS": "1"}
+    told = subprocess.check_output([sys.executable, "-c", code], text=True, env=environment, cwd=tmp_path)
+    assert told.split() == [str(wanted == "1"), str(tmp_path / "toposeam/_kernels/__init__.py")]
+
+
+@pytest.mark.slow
 def test_the_source_archive_holds_documents_pictures_and_tests(built):
     _, source, _ = built
     for document in [*sorted(HERE.glob("docs/**/*.md")), HERE / "README.md", HERE / "samples/README.md"]:
@@ -180,6 +203,8 @@ def test_the_source_archive_holds_documents_pictures_and_tests(built):
                 name.startswith(f"{target.as_posix()}/") for name in source
             ), f"{document.name}: {link}"
     assert {"tests/test_house.py", "CITATION.cff", "SECURITY.md", "LICENSE", "samples/demo.py"} <= source
+    assert {"hatch_build.py", "core/toposeam/_kernels/flow.c"} <= source
+    assert not [name for name in source if name.startswith("core/toposeam/_kernels/kernels-")]
 
 
 @pytest.mark.slow
@@ -312,7 +337,7 @@ def test_the_tests_are_collected_where_there_is_nothing_of_unix(tmp_path):
 @pytest.mark.parametrize("document", ["NOTICE", "docs/dependencies.md"])
 def test_documents_name_what_installing_brings(document):
     project = tomllib.loads((HERE / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    extras = ("cli", "plot", "dask", "video", "volumes", "fast", "graphcut")
+    extras = ("cli", "plot", "dask", "video", "volumes", "graphcut")
     wanted = [
         *project["dependencies"],
         *(one for extra in extras for one in project["optional-dependencies"][extra]),

@@ -13,7 +13,7 @@ from public_names import public_names
 
 BLOCKED = """
 import sys
-for name in ("pyvips", "cffi", "qdldl", "click", "toposeam_cli", "ortools", "maxflow", "dask", "matplotlib"):
+for name in ("pyvips", "cffi", "qdldl", "click", "toposeam_cli", "maxflow", "dask", "matplotlib"):
     sys.modules[name] = None
 
 import concurrent.futures, multiprocessing, threading

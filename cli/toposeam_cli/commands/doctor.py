@@ -15,6 +15,7 @@ import click
 import numpy as np
 
 import toposeam as ts
+from toposeam import _kernels
 from toposeam.sentence import counted, sentence
 from toposeam_cli.app.progress import say
 from toposeam_cli.gimp.doctor import Finding, examine
@@ -29,7 +30,6 @@ _EXTRAS = {
     "volumes": (("zarr", "numcodecs", "dask", "tifffile"), "OME-Zarr in volume"),
     "plot": (("matplotlib",), "--history as a figure"),
     "dask": (("distributed", "cryptography"), "--dask"),
-    "fast": (("ortools",), "exact cuts in a third of the time"),
     "graphcut": (("maxflow",), "--method graph-cut"),
 }
 #: Free space below which large pictures may not fit, bytes.
@@ -65,6 +65,11 @@ def _basis() -> Iterator[Finding]:
         yield Finding(same, f"two pictures are joined{wrongly}", wrongly and "install toposeam again")
     except Exception as error:
         yield Finding(False, f"two pictures are not joined: {sentence(error)}", "install toposeam again")
+    yield Finding(
+        True,
+        "the kernels are here" if _kernels.library else "no compiled kernels: NumPy does their work, slower",
+        "" if _kernels.library else "install a C compiler and toposeam again",
+    )
     yield from _pictures()
     folder = Path(tempfile.gettempdir())
     free = shutil.disk_usage(folder).free

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 import toposeam as ts
+from toposeam import _kernels
 from toposeam.images import full_scale, in_dtype
 from toposeam.layers.canvas.layer import Box
 from toposeam.layers.canvas.transforms import Transform, is_move, settled
@@ -164,14 +165,9 @@ def _strips(
             rows = at[..., 1] if everywhere else at[..., 1][shown]
             low = max(int(rows.min()) - _SPLINE_MARGIN, 0)
             source = slice(low, int(rows.max()) + _SPLINE_MARGIN + 2), slice(None)
-            where = np.empty(at.shape, np.float32)
-            np.subtract(at, [0, low], out=where, casting="same_kind")
-            values = _looked_up(np.asarray(layer.image[source]), where, "bicubic")
-            pixels = values.reshape(*part.shape, *colours)
-            if not everywhere:
-                pixels[~shown] = 0
+            pixels = _splined(np.asarray(layer.image[source]), at, low, shown).reshape(*part.shape, *colours)
             if layer.alpha is not None:
-                own = _looked_up(np.asarray(layer.alpha[source]), where, "bilinear")
+                own = _looked_up(np.asarray(layer.alpha[source]), at, low, "bilinear")
                 opacity = shown * (own.reshape(part.shape) / np.float32(full_scale(dtype)))
                 alpha = in_dtype(opacity * np.float32(full_scale(dtype)), dtype)
             for name, mask in masks.items():
@@ -183,9 +179,29 @@ def _strips(
         yield Picture(pixels=pixels, alpha=alpha)
 
 
-def _looked_up(values: np.ndarray, where: np.ndarray, interpolate: str) -> np.ndarray:
-    """Interpolate the values of an image at (h, w, 2) coordinates x and y."""
+def _splined(values: np.ndarray, at: np.ndarray, top: int, shown: np.ndarray) -> np.ndarray:
+    """Interpolate an image that begins at a row by Catmull and Rom's splines; 0 where it is not shown.
+
+    The kernel rounds as libvips 8.18 does.
+    """
+    if _kernels.library is None:
+        result = _looked_up(values, at, top, "bicubic")
+        if not shown.all():
+            result[~shown] = 0
+        return result
+    values, count = np.ascontiguousarray(values), channels(values)
+    result = np.empty((*shown.shape, count), values.dtype)
+    _kernels.library.catmull_values(
+        values.itemsize, *values.shape[:2], count, values, shown.size, at, top, shown, result
+    )
+    return result
+
+
+def _looked_up(values: np.ndarray, at: np.ndarray, top: int, interpolate: str) -> np.ndarray:
+    """Interpolate the values of an image that begins at a row, at (h, w, 2) coordinates x and y."""
     vips = load_vips()
+    where = np.empty(at.shape, np.float32)
+    np.subtract(at, [0, top], out=where, casting="same_kind")
     image: Any = to_vips(values).mapim(
         vips.Image.new_from_array(where), interpolate=vips.Interpolate.new(interpolate), extend="copy"
     )

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
+from toposeam import _kernels
 from toposeam.arrays import Complexes, Floats, Mask
 from toposeam.errors import OptionError
 from toposeam.images import check_values, full_scale, in_dtype
@@ -50,6 +51,10 @@ def coordinates(transform: Transform, box: Box) -> Floats:
         np.minimum(np.arange(-(-side // _STEP) + 1) * _STEP, side - 1) for side in (rows, columns)
     )
     coarse = transform.to_picture(np.stack(np.meshgrid(across + box.left, down + box.top), axis=-1) + 0.0)
+    if _kernels.library is not None:
+        knots, at = np.ascontiguousarray(coarse, float), np.empty((rows, columns, 2))
+        _kernels.library.between_knots(rows, columns, _STEP, len(across), knots, at)
+        return at
     points = coarse.view(np.complex128)[..., 0]  # one number each
     return (
         _between(_between(points.T, down, rows).T, across, columns).view(np.float64).reshape(rows, columns, 2)
@@ -115,8 +120,8 @@ def warped(layer: Layer, transform: Transform) -> Layer:
             if not shown.any():
                 continue
             image[here][shown] = resampled(planes, layer.white, at[shown])
-            rows, columns = (np.rint(at[shown][:, axis]).astype(np.intp) for axis in (1, 0))
             for name, mask in masks.items():
+                rows, columns = (np.rint(at[..., axis][shown]).astype(np.intp) for axis in (1, 0))
                 warped_masks[name][here][shown] = np.asarray(mask)[rows, columns]
             opacity[here] = shown
             if layer.alpha is not None:
@@ -155,22 +160,29 @@ def resampled(planes: npt.NDArray[Any], white: float, points: Floats) -> npt.NDA
     (M, C) array
         Of the dtype of `planes`.
     """
-    low = np.maximum(np.floor(points.min(axis=0)).astype(int) - _MARGIN, 0)
-    high = np.ceil(points.max(axis=0)).astype(int) + _MARGIN + 1
-    part = planes[low[1] : high[1], low[0] : high[0]].astype(np.float32)
-    where = (points - low)[:, ::-1].T
-    values = np.stack(
-        [
-            scipy.ndimage.map_coordinates(part[..., channel], where, order=3, mode="mirror")
-            for channel in range(part.shape[2])
-        ],
-        axis=-1,
-    )
+    x, y = points[:, 0], points[:, 1]
+    left, top = (max(math.floor(each.min()) - _MARGIN, 0) for each in (x, y))
+    right, bottom = (math.ceil(each.max()) + _MARGIN + 1 for each in (x, y))
+    part = np.ascontiguousarray(planes[top:bottom, left:right], np.float32)
+    values = _splined(part, np.ascontiguousarray(points - [left, top]))
     if planes.dtype.kind == "b":
         return np.asarray(values > 0.5)
     if np.issubdtype(planes.dtype, np.integer):
         values = np.clip(values, 0, white)
     return in_dtype(values, planes.dtype)
+
+
+def _splined(part: npt.NDArray[np.float32], points: Floats) -> npt.NDArray[np.float32]:
+    """Interpolate an (h, w, C) picture by cubic splines at (M, 2) points x and y, both C-contiguous."""
+    height, width, channels = part.shape
+    result = np.empty((len(points), channels), np.float32)
+    if _kernels.library is not None:
+        room = np.empty(part.shape)
+        _kernels.library.spline_values(height, width, channels, part, room, len(points), points, result)
+        return result
+    for c in range(channels):
+        scipy.ndimage.map_coordinates(part[..., c], points[:, ::-1].T, output=result[:, c], mode="mirror")
+    return result
 
 
 def interpolated(plane: npt.NDArray[Any], points: Floats) -> npt.NDArray[np.float32]:

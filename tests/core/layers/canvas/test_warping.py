@@ -12,6 +12,7 @@ from toposeam.layers.canvas import (
     coordinates,
     inside,
     on_canvas,
+    resampled,
     similarity,
     warped,
     warped_box,
@@ -212,3 +213,33 @@ def test_what_the_canvas_does_not_show_is_named():
 def test_values_that_nobody_can_read_are_refused():
     with pytest.raises(ts.ImageError, match="data_range"):
         warped(ts.Layer(np.zeros((40, 50), np.int16)), TRANSFORMS["turn"])
+
+
+@pytest.mark.parametrize("name", TRANSFORMS)
+def test_kernels_compute_the_same_coordinates(name, both_ways):
+    for box in (Box(3, -5, 90, 130), Box(10, 20, 11, 21), Box(-7, 0, 10, 8), Box(0, 0, 17, 1)):
+        assert np.array_equal(*both_ways(lambda box=box: coordinates(TRANSFORMS[name], box)))
+
+
+@pytest.mark.parametrize("channels", [1, 2, 3])
+@pytest.mark.parametrize("dtype", WHITE)
+def test_kernels_warp_to_the_same_pixels(dtype, channels, both_ways):
+    layer = painted(dtype, channels)
+    one, other = both_ways(lambda: warped(layer, TRANSFORMS["homography"]).image)
+    assert one.std() > 0.1 * WHITE[dtype]
+    assert np.array_equal(one, other)
+    lying = ts.Layer(np.rot90(layer.image))  # its pixels lie in another order
+    assert np.array_equal(*both_ways(lambda: warped(lying, TRANSFORMS["homography"]).image))
+    rows = np.rot90(np.random.default_rng(0).random((2, 50)) * 30)
+    planes = layer.image.reshape(HEIGHT, WIDTH, -1)
+    assert np.array_equal(*both_ways(lambda: resampled(planes, 1, rows)))
+
+
+@pytest.mark.parametrize("shape", [(1, 1, 3), (1, 5, 3), (2, 2, 1), (4, 9, 3), (300, 17, 2)])
+def test_kernels_know_the_same_splines_at_edges(shape, both_ways):
+    rng = np.random.default_rng(4)
+    part, ends = rng.random(shape, np.float32), np.array(shape[1::-1]) - 1
+    points = np.concatenate(
+        [rng.random((300, 2)) * ends, np.rint(rng.random((20, 2)) * ends), [[-1e-6, -1e-6], ends + 1e-6]]
+    )
+    assert np.array_equal(*both_ways(lambda: resampled(part, 1, points)))

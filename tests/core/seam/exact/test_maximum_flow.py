@@ -1,9 +1,6 @@
 """Minimum cuts: the same by every engine, and the smallest of all."""
 
 import itertools
-import subprocess
-import sys
-from types import ModuleType
 
 import numpy as np
 import pytest
@@ -11,24 +8,23 @@ from shapes import SHAPES
 from skimage import data
 
 import toposeam as ts
+from toposeam import _kernels
 from toposeam.heat.network import Network
 from toposeam.seam.exact import maximum_flow as flow
 from toposeam.seam.exact import minimum_cut
 
-ENGINES = {"scipy": lambda: flow.by_scipy, "or-tools": flow.or_tools}
-MODULE = "ortools.graph.python.max_flow"
+ENGINES = ("scipy", "kernel")
 
 
 @pytest.fixture
 def engine(monkeypatch):
-    """Has one engine cut; the test is skipped where it is not installed."""
+    """Has one engine cut; the test is skipped where there are no kernels."""
+    library = _kernels.library
 
     def only(name):
-        if name == "or-tools":
-            pytest.importorskip(MODULE, reason="OR-tools is not installed")
-        chosen = ENGINES[name]()
-        assert chosen is not None
-        monkeypatch.setattr(flow, "_engine_for", lambda _: chosen)
+        if name == "kernel" and library is None:
+            pytest.skip("no kernels were built")
+        monkeypatch.setattr(_kernels, "library", library if name == "kernel" else None)
 
     return only
 
@@ -144,73 +140,22 @@ def test_capacities_are_fine_and_fit_in_32_bits(dearest, monkeypatch):
     weight[7] = dearest
     network = Network(n, np.arange(n), np.full(n, n + 1))
     given = []
-    monkeypatch.setattr(
-        "toposeam.seam.exact.maximum_flow._engine_for",
-        lambda _: lambda *one: given.append(one) or np.array([n + 1], np.int32),
-    )
+    monkeypatch.setattr(_kernels, "library", None)
+    monkeypatch.setattr(flow, "by_scipy", lambda *one: given.append(one) or np.zeros(n, bool))
     assert not minimum_cut(network, weight).any()
     ((nodes, tail, head, capacity),) = given
     assert nodes == n
-    assert tail.tolist() == [*range(n), *[n + 1] * n]
-    assert head.tolist() == [*[n + 1] * n, *range(n)]
-    assert 2**29 < capacity.sum(dtype=np.int64) <= 2**31 - 2
-    np.testing.assert_array_equal(capacity[:n], capacity[n:])
+    assert tail.tolist() == [*range(n)]
+    assert head.tolist() == [n + 1] * n
+    assert 2**28 < capacity.sum(dtype=np.int64) < 2**30
     assert abs(capacity[7] - dearest * capacity[0]) <= (dearest + 1) / 2
     assert set(capacity[8:n].tolist()) == {int(capacity[0])}
 
 
-# --- an OR-tools that is not there, or not as we know it
+def test_no_memory_is_no_wrong_cut(monkeypatch):
+    class Full:
+        smallest_hot_side = staticmethod(lambda *_: -1)
 
-
-class Strange(ModuleType):
-    """One whose flows are of another kind."""
-
-    class SimpleMaxFlow:
-        def add_arcs_with_capacity(self, *_):
-            pass
-
-        def solve(self, *_):
-            pass
-
-        def get_source_side_min_cut(self):
-            return [2]
-
-
-def older(name):
-    module = ModuleType(name)
-    module.SimpleMaxFlow = object
-    return module
-
-
-@pytest.mark.parametrize("module", [lambda _: None, ModuleType, older, Strange])
-def test_without_an_or_tools_that_works_scipy_cuts(module, monkeypatch):
-    network, weight = grid(np.random.default_rng(3), (9, 9), COSTS["random"])
-    monkeypatch.setattr(flow, "LOADED", 0)
-    monkeypatch.setitem(sys.modules, MODULE, module(MODULE))
-    flow.or_tools.cache_clear()
-    try:
-        assert flow.or_tools() is None
-        cut = flow.minimum_cut(network, weight)
-    finally:
-        flow.or_tools.cache_clear()
-    monkeypatch.setattr(flow, "_engine_for", lambda _: flow.by_scipy)
-    assert np.array_equal(cut, flow.minimum_cut(network, weight))
-
-
-def test_the_engine_is_loaded_when_worthwhile_without_pandas():
-    pytest.importorskip(MODULE, reason="OR-tools is not installed")
-    script = (
-        "import sys, numpy as np, toposeam as ts\n"
-        "from toposeam.seam.exact import maximum_flow as flow\n"
-        "a, b = np.random.default_rng(0).random((2, 20, 20))\n"
-        "inside, hole = np.zeros((2, 20, 20), bool)\n"
-        "inside[4:16, 4:16] = hole[9:11, 9:11] = True\n"
-        "ts.find_seam(a, b, ~hole, inside, method='shortest-path')\n"
-        "assert 'ortools' not in sys.modules\n"
-        "flow.LOADED = flow._Work.nodes\n"
-        "assert flow.LOADED > 0\n"
-        "ts.find_seam(a, b, ~hole, inside, method='shortest-path')\n"
-        "assert 'ortools' in sys.modules\n"
-        "assert 'pandas' not in sys.modules\n"
-    )
-    subprocess.run([sys.executable, "-W", "error", "-c", script], check=True)
+    monkeypatch.setattr(_kernels, "library", Full)
+    with pytest.raises(MemoryError):
+        minimum_cut(Network(1, np.array([0, 0]), np.array([1, 2])), np.ones(2))

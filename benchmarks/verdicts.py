@@ -23,6 +23,7 @@ from skimage import data
 from skimage.color import deltaE_ciede2000, rgb2lab
 
 import toposeam as ts
+from stamp import stamp
 
 HEIGHT, WIDTH = 128, 160
 #: Bounds of the steps that are counted together, CIEDE2000.
@@ -118,6 +119,7 @@ def main() -> None:
     parser.add_argument("folder", nargs="?", type=Path)
     parser.add_argument("--sheet", type=Path)
     given = parser.parse_args()
+    print(stamp())
     rendered(given.sheet)
     if given.folder is not None:
         photographs(given.folder)

@@ -40,7 +40,7 @@ from toposeam.texture.placement.options import VARIED, LayKeywords, LayOptions
 from toposeam.texture.placement.request import TextureRequest
 from toposeam.texture.scheduling.process_pool import MAX_PROCESSES
 from toposeam.texture.scheduling.raster import patches_along
-from toposeam.texture.setting_trial import SETTINGS, Tried, brightness, try_settings
+from toposeam.texture.setting_trial import SETTINGS, Tried, colours, try_settings
 from toposeam.texture.tile_origin import begun
 from toposeam.typing import Setting
 
@@ -238,9 +238,9 @@ def synth(
     done = 0.0
     if setting == "auto" and not (named or transparent or wanted):
         others, done = _other_orders(sources, material.order, request.options, lattice), 0.4
-        gray = atlas.spread(brightness(sources, request.white_of(sources), levelled=level is True))
+        seen = atlas.spread(colours(sources, request.white_of(sources), levelled=level is True))
         report = stage(progress, 0.0, done)
-        tried, order = try_settings(material, others, gray, sides, request, (height, width), report)
+        tried, order = try_settings(material, others, seen, sides, request, (height, width), report)
         setting = tried[0].name if tried else "varied"
         side, lap = sides[-1] if SETTINGS[setting].coarse else sides[0]
         request = request.varied(

@@ -20,7 +20,7 @@ import numpy.typing as npt
 from scipy import ndimage
 
 from toposeam.arrays import Floats32, Image, Ints32, Mask
-from toposeam.checks import Seed, check_function, check_whole
+from toposeam.checks import Seed, check_function, check_items, check_whole, check_whole_array
 from toposeam.errors import ImageError, OverlapError, Term
 from toposeam.picture_files import PictureResult
 from toposeam.seam.labels import seam_labels
@@ -95,7 +95,7 @@ class TileSet(PictureResult):
         -------
         (h, w) int32 array
         """
-        grid = np.asarray(corners, np.int32)
+        grid = check_whole_array("corners", corners)
         if grid.ndim != 2 or min(grid.shape) < 2 or ((grid != 0) & (grid != 1)).any():
             raise ImageError(
                 "{array} has shape {shape!s}, or values that are no materials; give 0 or 1 for each corner, "
@@ -110,7 +110,15 @@ class TileSet(PictureResult):
 
     def laid(self, numbers: npt.ArrayLike) -> Image:
         """Lay tiles, given by number, (h, w), side by side: (h * size, w * size[, C])."""
-        chosen, size = np.asarray(numbers), self.size
+        chosen, size = check_whole_array("numbers", numbers), self.size
+        if chosen.ndim != 2 or not chosen.size or chosen.min() < 0 or chosen.max() >= len(self.corners):
+            raise ImageError(
+                "{array} has shape {shape!s}, or numbers of no tiles; give rows of numbers from 0 to {most}",
+                kind="shape",
+                array=Term("numbers"),
+                shape=chosen.shape,
+                most=len(self.corners) - 1,
+            )
         deep = self.image.reshape(*self.image.shape[:2], -1)
         tiles = (
             deep.reshape(-1, size, 4, size, deep.shape[2])
@@ -169,11 +177,19 @@ def tile_set(
         For samples or maps that cannot be used.
     OptionError
         For sizes and numbers out of range.
+
+    Examples
+    --------
+    >>> import numpy as np, toposeam as ts
+    >>> grass, dirt = np.random.default_rng(0).random((2, 48, 48))
+    >>> tiles = ts.texture.tile_set([grass, dirt / 2], 24, variants=1)
+    >>> tiles.laid(tiles.numbers([[0, 0, 1], [1, 1, 0]])).shape
+    (24, 48)
     """
     check_function("progress", progress)
     size = check_whole("size", size, SMALLEST, LARGEST)
     variants = check_whole("variants", variants, 1, 64)
-    pictures = widened(list(sources))
+    pictures = widened(check_items("sources", sources, object, "a sequence of two images"))
     if len(pictures) != 2:
         raise ImageError(
             "{array} has {count} images; a set of tiles is of two materials, so give two",
@@ -188,7 +204,7 @@ def tile_set(
         seed=seed,
         smooth=smooth,
         alpha=None,
-        maps=widened(list(maps)),
+        maps=widened(check_items("maps", maps, object, "a sequence of images, one a map")),
         normal=widened(normal),
         weights=weights,
         data_range=data_range,

@@ -118,7 +118,10 @@ def test_what_makes_no_tiles_is_refused(sources, size, given, words):
         ts.texture.tile_set(sources, size, **given)
 
 
-def test_a_grid_is_of_materials(tiles):
+def test_a_grid_is_of_materials_and_a_field_of_tiles(tiles):
     for corners in ([[0, 2], [0, 0]], [0, 1]):
         with pytest.raises(ts.ImageError, match="give 0 or 1 for each corner"):
             tiles.numbers(corners)
+    for numbers in ([[0, 32]], [[-1]], [3], np.zeros((0, 2), int)):
+        with pytest.raises(ts.ImageError, match="from 0 to 31"):
+            tiles.laid(numbers)

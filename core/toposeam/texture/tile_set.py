@@ -95,6 +95,8 @@ class TileSet(PictureResult):
         -------
         (h, w) int32 array
         """
+        if isinstance(corners, np.ndarray) and corners.dtype == bool:
+            corners = corners.astype(np.uint8)
         grid = check_whole_array("corners", corners)
         if grid.ndim != 2 or min(grid.shape) < 2 or ((grid != 0) & (grid != 1)).any():
             raise ImageError(
@@ -104,9 +106,10 @@ class TileSet(PictureResult):
                 array=Term("corners"),
                 shape=grid.shape,
             )
-        code = grid[:-1, :-1] + 2 * grid[:-1, 1:] + 4 * grid[1:, :-1] + 8 * grid[1:, 1:]
+        grid = grid.astype(np.int32)
+        code: Ints32 = grid[:-1, :-1] + 2 * grid[:-1, 1:] + 4 * grid[1:, :-1] + 8 * grid[1:, 1:]
         variants = np.random.default_rng(seed).integers(len(self.corners) // 16, size=code.shape)
-        return (code + 16 * variants).astype(np.int32)
+        return code + 16 * variants.astype(np.int32)
 
     def laid(self, numbers: npt.ArrayLike) -> Image:
         """Lay tiles, given by number, (h, w), side by side: (h * size, w * size[, C])."""

@@ -106,7 +106,7 @@ def main() -> None:
     shown, all_whole, all_total = [], 0, 0
     for seed, (side, size, scale) in enumerate(MEADOWS):
         image, objects = meadow(side, scale, seed, seed % 2 == 1)
-        made = ts.synthesize(image, size, seed=seed)
+        made = ts.synth(image, size, seed=seed, setting="varied")
         total, broken = counted(made, objects)
         all_whole, all_total = all_whole + total - len(broken), all_total + total
         print(

@@ -161,6 +161,7 @@ PICTURED = {
     "solid.generate_solid": "studies-solids.jpg",
     "stitch": "stitching-coffee.jpg",
     "synth": "texture-maps.jpg",
+    "texture.tile_set": "texture-tiles.jpg",
     "tile": "texture-tile.jpg",
 }
 

@@ -79,6 +79,11 @@ def uses() -> None:
         380,
     )
 
+    grass = grayscale("grass")[..., np.newaxis] * np.array([0.75, 1.0, 0.45])
+    tiles = ts.texture.tile_set([grass.astype(np.uint8), wall], 64)
+    sheet = tiles.laid(np.arange(16).reshape(4, 4))
+    save("texture-tiles.jpg", [(None, sheet), (None, tiles.field(8, 8, 1))], 512)
+
     face = np.asarray(
         Image.fromarray(skimage.data.astronaut()[0:220, 110:330])
         .convert("L")

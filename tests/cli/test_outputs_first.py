@@ -7,6 +7,7 @@ LINES = (
     "enblend -o {}/x.tif bad.png bad.png",
     "synth bad.png --size 64 -o {}/x.png",
     "tile bad.png -o {}/x.png",
+    "tileset bad.png bad.png -o {}/x",
     "fill bad.png --mask bad.png -o {}/x.png",
     "motif --base bad.png -o {}/x.png",
     "repeat bad.png 2x2 --repeat p1 -o {}/x.png",

@@ -59,6 +59,7 @@ CALLS = {
     "fill shifts": lambda a, b: ts.fill(a, HOLE, by="shifts"),
     "make_tileable": lambda a, b: ts.make_tileable(np.repeat(a, 2, axis=a.shape.index(24))),
     "natural_patch": lambda a, b: ts.texture.natural_patch(a),
+    "tile_set": lambda a, b: ts.texture.tile_set([a, b], 24, variants=1),
     "closing_size": lambda a, b: ts.texture.closing_size(a, (32, 32)),
     "stitch": lambda a, b: ts.stitch(pair(a, b)),
     "align": lambda a, b: ts.layers.align(pair(a, b), radius=4),

@@ -26,6 +26,7 @@ COMMANDS = {
     "compare": "Find the seam between A and B with every method: cost, cost ÷ optimum, seconds.",
     "synth": "Grow a large texture from a small SOURCE, or from several.",
     "tile": "Make IMAGE repeat without a visible border, changing only a band along its borders.",
+    "tileset": "Make tiles of two materials that fit each other, for maps of games.",
     "fill": "Replace part of IMAGE by what the rest of it is like.",
     "motif": "Invent a motif by leading heat from sources to sinks, one layer of ink at a time.",
     "repeat": "Lay a motif side by side, mirrored or turned where its rule says so.",

@@ -82,8 +82,8 @@ def _map(term: Term, given: Mapping[str, Any]) -> str | None:
 
 
 def _normal(term: Term, given: Mapping[str, Any]) -> str | None:
-    """Return the files of the normal map, or the option."""
-    return " or ".join(path.name for path in given["normal"]) or "--normal"
+    """Return the files of the normal map; None if it is one of a folder."""
+    return " or ".join(path.name for path in given["normal"]) or None
 
 
 _JOINED: Mapping[str, Called] = {

@@ -30,6 +30,7 @@ from toposeam_cli.app.progress import say, share_bar
 from toposeam_cli.media.pictures.masks import read_white
 from toposeam_cli.media.pictures.picture import Picture, check_size, read_picture, write_picture
 from toposeam_cli.textures.maps import Maps, white_of
+from toposeam_cli.textures.material_folder import kind_of
 from toposeam_cli.textures.options import (
     Destinations,
     LatticeType,
@@ -43,6 +44,7 @@ from toposeam_cli.textures.options import (
     result_options,
     search_options,
     summary,
+    unfolded,
 )
 
 
@@ -126,7 +128,7 @@ _GUIDE = (
     heading="Output",
     type=OUTPUT,
     required=True,
-    help="The texture: .png, .tif, .jpg or .webp.",
+    help="The texture: .png, .tif, .jpg or .webp; a folder where SOURCE is a folder of maps.",
 )
 @patch_options
 @option(
@@ -143,7 +145,7 @@ _GUIDE = (
     type=click.Choice(ts.texture.TURNS),
     default="none",
     show_default=True,
-    help="Also take patches mirrored left to right, turned by quarters, or both; not with --normal.",
+    help="Also take patches mirrored left to right, turned by quarters, or both.",
 )
 @option(
     "--setting",
@@ -245,9 +247,13 @@ def synth(
 ) -> None:
     """Grow a large texture from a small SOURCE, or from several.
 
+    A SOURCE may be a folder with the maps of a material, whose names end in _albedo, _normal, _height and so
+    on.
+
     \b
     toposeam synth moss.png --size 2048x1024 --tileable both -o moss_large.png
     toposeam synth wall.png --normal wall_normal.png --size 1024 -o large.png
+    toposeam synth wall/ --size 1024 -o wall_large    # all maps of a material
     """  # noqa: D301 - click wants the character
     if (size is None) == (use_coordinates is None):
         raise ts.OptionError(
@@ -265,12 +271,18 @@ def synth(
     count = len(sources)
     if not isinstance(size, AutoSize):
         check_size(output, *size)
-    goes = results.destinations(output, search, preview, count)
+    files, search, material = unfolded(sources, search)
+    if turns != "none" and any(kind_of(path) == "normal, DirectX" for path in search.also):
+        raise ts.OptionError(
+            "of two normal maps of a material only one is turned; move that of DirectX elsewhere, or leave "
+            "out --turns"
+        )
+    goes = results.destinations(output, search, preview, count, material)
     if source and len(source) != count:
         raise ts.OptionError(
             f"--from was given {len(source)} times for {count} sources; give one for each, in their order"
         )
-    pictures = read_sources(sources, results.max_megapixels)
+    pictures = read_sources(files, results.max_megapixels)
     maps = Maps.read(search.also, search.normal, count, results.max_pixels)
     goes.check(pictures, maps)
     shapes = [picture.pixels.shape[:2] for picture in pictures]

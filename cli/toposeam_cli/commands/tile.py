@@ -23,6 +23,7 @@ from toposeam_cli.textures.options import (
     result_options,
     search_options,
     summary,
+    unfolded,
 )
 
 
@@ -37,7 +38,7 @@ from toposeam_cli.textures.options import (
     heading="Output",
     type=OUTPUT,
     required=True,
-    help="The picture that repeats: .png, .tif, .jpg or .webp.",
+    help="The picture that repeats: .png, .tif, .jpg or .webp; a folder where IMAGE is a folder of maps.",
 )
 @option(
     "--band",
@@ -88,12 +89,16 @@ def tile(
 ) -> None:
     """Make IMAGE repeat without a visible border, changing only a band along its borders.
 
+    IMAGE may be a folder with the maps of a material, whose names end in _albedo, _normal, _height and so on.
+
     \b
     toposeam tile moss.jpg -o moss_tile.png --preview moss_3x3.png
     toposeam tile frieze.png --tileable x -o frieze_tile.png
+    toposeam tile wall/ -o wall_tile    # all maps of a material
     """  # noqa: D301 - click wants the character
-    goes = results.destinations(output, search, preview)
-    picture, maps = read_one(image, search, results)
+    (file,), search, material = unfolded([image], search)
+    goes = results.destinations(output, search, preview, material=material)
+    picture, maps = read_one(file, search, results)
     goes.check([picture], maps)
     fits = _closing_size(picture, tileable)
     cropped = size == "auto" and fits != picture.pixels.shape[:2]

@@ -338,6 +338,27 @@ def replacing(path: Path, force: bool = False, *, folder: bool = False) -> Itera
 
 
 @contextmanager
+def new_folder(path: Path | None) -> Iterator[None]:
+    """Make the folder of a block's outputs, if there is none; where the block fails it goes again.
+
+    Raises
+    ------
+    OutputError
+    """
+    if path is None or path.is_dir():
+        yield
+        return
+    with _failures_reported(path):
+        path.mkdir()
+    try:
+        yield
+    except BaseException:
+        with suppress(OSError):
+            path.rmdir()
+        raise
+
+
+@contextmanager
 def all_or_nothing(
     own: Mapping[str, str] | None = None, *, resumed: bool = False, digests: bool = False
 ) -> Iterator[OutputBlock]:

@@ -83,8 +83,8 @@ class Maps:
             "data_range": white if normals is None else [*white, white_of(normals[0])],
         }
 
-    def made(self, made: ts.texture.Synthesis) -> list[Picture]:
-        """Return the texture's maps."""
+    def made(self, made: ts.texture.Synthesis | ts.texture.TileSet) -> list[Picture]:
+        """Return the maps of a texture, or of tiles."""
         values = list(made.maps)
         opacities = {index: values.pop() for index in reversed(self._opacities)}
         values += [] if made.normal is None else [made.normal]
@@ -118,7 +118,7 @@ def map_outputs(output: Path, also: Sequence[Path], normal: Sequence[Path], coun
     """
     files = (*also, *normal)
     return tuple(
-        output.with_name(f"{output.stem}_{files[first].stem}{_suffix(files[first : first + count])}")
+        output.with_name(f"{output.stem}_{files[first].stem}{suffix_of(files[first : first + count])}")
         for first in range(0, len(files), count)
     )
 
@@ -128,7 +128,8 @@ def white_of(picture: Picture) -> float | None:
     return 1.0 if np.issubdtype(picture.pixels.dtype, np.floating) else None
 
 
-def _suffix(files: Sequence[Path]) -> str:
+def suffix_of(files: Sequence[Path]) -> str:
+    """Return the format of a map that is made from several, which holds most."""
     own = [path.suffix.lower() for path in files]
     return max((one if one in PICTURE_SUFFIXES else ".tif" for one in own), key=_RICHER.index)
 

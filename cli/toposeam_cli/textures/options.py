@@ -29,7 +29,13 @@ from toposeam_cli.app.options import (
     refuse_besides,
 )
 from toposeam_cli.files.regular import real_path
-from toposeam_cli.files.writing import all_or_nothing, atomic_write, check_output
+from toposeam_cli.files.writing import (
+    PICTURE_SUFFIXES,
+    all_or_nothing,
+    atomic_write,
+    check_output,
+    new_folder,
+)
 from toposeam_cli.media.pictures.picture import (
     Picture,
     check_values,
@@ -38,6 +44,7 @@ from toposeam_cli.media.pictures.picture import (
     write_picture,
 )
 from toposeam_cli.textures.maps import Maps, map_outputs
+from toposeam_cli.textures.material_folder import maps_of_all
 
 
 class PatchType(click.ParamType):  # type: ignore[type-arg]
@@ -177,12 +184,27 @@ class Results:
     quiet: bool
 
     def destinations(
-        self, output: Path, search: Search, preview: Path | None = None, count: int = 1
+        self,
+        output: Path,
+        search: Search,
+        preview: Path | None = None,
+        count: int = 1,
+        material: Path | None = None,
     ) -> Destinations:
-        """Return the checked destinations of all files; `count` is the number of samples."""
+        """Return the checked destinations of all files; `count` is the number of samples, `material` the
+        picture of a folder of maps, which makes another such folder.
+        """
+        maps = map_outputs(output, search.also, search.normal, count)
+        if material is not None:
+            if output.suffix.lower() in PICTURE_SUFFIXES:
+                raise ts.OptionError(
+                    f"'{output}' names a picture, but a folder of maps makes a folder; write -o {output.stem}"
+                )
+            maps = tuple(output / path.name for path in (*search.also, *search.normal)[::count])
         return Destinations(
-            output=output,
-            maps=map_outputs(output, search.also, search.normal, count),
+            output=output if material is None else output / material.name,
+            folder=None if material is None else output,
+            maps=maps,
             seams=self.seams,
             labels=self.labels,
             coordinates=self.coordinates,
@@ -349,6 +371,8 @@ class Destinations:
     output: Path
     #: One per further map.
     maps: tuple[Path, ...] = ()
+    #: The folder in which these are, if it is to be made with them.
+    folder: Path | None = None
     seams: Path | None = None
     labels: Path | None = None
     coordinates: Path | None = None
@@ -357,8 +381,11 @@ class Destinations:
 
     def __post_init__(self) -> None:
         pictures = [path for path in (self.output, *self.maps, self.preview) if path is not None]
+        if self.folder is not None and not self.folder.is_dir():
+            check_output(self.folder, suffixes=None)
         for path in pictures:
-            check_output(path, self.force)
+            if self.folder is None or self.folder.is_dir() or path == self.preview:
+                check_output(path, self.force)
         for numbers in (self.labels, self.coordinates):
             if numbers is not None:
                 check_output(numbers, self.force, (".png", ".tif", ".tiff"))  # 16 bits without loss
@@ -380,7 +407,6 @@ class Destinations:
             for picture in owners:
                 check_values(path, picture)
 
-    @all_or_nothing()
     def write(self, made: ts.texture.Synthesis, picture: Picture, maps: Maps) -> None:
         """Write all requested files, or none.
 
@@ -392,11 +418,13 @@ class Destinations:
         maps : Maps
             Likewise.
         """
+        with new_folder(self.folder), all_or_nothing():
+            self._write(made, picture, maps)
+
+    def _write(self, made: ts.texture.Synthesis, picture: Picture, maps: Maps) -> None:
         document = None if self.seams is None else made.to_svg()
-        write_picture(
-            self.output, dataclasses.replace(picture, pixels=made.image, alpha=made.alpha), self.force
-        )
-        for path, one in zip(self.maps, maps.made(made), strict=True):
+        shown = dataclasses.replace(picture, pixels=made.image, alpha=made.alpha)
+        for path, one in zip((self.output, *self.maps), (shown, *maps.made(made)), strict=True):
             write_picture(path, one, self.force)
         if self.seams is not None and document is not None:
             atomic_write(self.seams, document, self.force)
@@ -447,6 +475,42 @@ def alphas(pictures: Sequence[Picture]) -> list[Any] | None:
         if all(picture.alpha is None for picture in pictures)
         else [picture.alpha for picture in pictures]
     )
+
+
+def unfolded(given: Sequence[Path], search: Search) -> tuple[tuple[Path, ...], Search, Path | None]:
+    """Name the maps of materials that are given as folders.
+
+    Returns
+    -------
+    tuple of Path
+        The pictures.
+    Search
+        With their further maps, which count together as much as the picture, if nothing else is said.
+    Path or None
+        The first picture of a folder.
+
+    Raises
+    ------
+    ImageError, OptionError
+    """
+    folders = [path for path in given if path.is_dir()]
+    if not folders:
+        return tuple(given), search, None
+    if len(folders) < len(given):
+        other = next(path for path in given if path not in folders)
+        raise ts.OptionError(
+            f"'{folders[0]}' is a folder of maps, but '{other}' is not; give either all of one kind"
+        )
+    if search.also or search.normal:
+        raise ts.OptionError(
+            f"'{folders[0]}' is a folder that holds its maps; put further ones into it, instead of --also "
+            "and --normal"
+        )
+    pictures, also, normal = maps_of_all(folders)
+    count = (len(also) + len(normal)) // len(folders)
+    weights = search.weights or (1.0, *(1 / count for _ in range(count)))
+    named = dataclasses.replace(search, also=tuple(also), normal=tuple(normal), weights=weights)
+    return tuple(pictures), named, pictures[0]
 
 
 def read_one(image: Path, search: Search, results: Results) -> tuple[Picture, Maps]:

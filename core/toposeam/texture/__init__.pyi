@@ -8,6 +8,7 @@ from .light.slow_light import flatten_light
 from .periodicity.phase import closing_size
 from .placement.options import LayOptions
 from .setting_trial import SETTINGS
+from .tile_set import TileSet, tile_set
 
 __all__ = [
     "BYS",
@@ -17,9 +18,11 @@ __all__ = [
     "JointVerdict",
     "LayOptions",
     "Synthesis",
+    "TileSet",
     "Tileable",
     "apply_coordinates",
     "closing_size",
     "flatten_light",
     "natural_patch",
+    "tile_set",
 ]

@@ -134,8 +134,7 @@ def _verdict(
     near = np.s_[:, :] if changed is None or not changed.any() else box_of(changed, _NEAR)
     usable, image = sources.usable[number][near], sources.planes[0][number][near]
     middle = middle_of(usable)
-    gray = image[middle].mean(axis=2, dtype=np.float32) / np.float32(white)
-    busy = busyness(gray, usable[middle])
+    busy = busyness(image[middle].astype(np.float32) / np.float32(white), usable[middle])
     if changed is None:
         return steps.verdict(busy, canvas.index.size, canvas.shown(atlas.copied))
     corner = box[1].start or 0, box[0].start or 0

@@ -59,8 +59,9 @@ _HALF_WAY, _HOPELESS = 0.5, 0.5
 _SHOWN, _UNSHOWN_COST = 0.85, 5.0
 #: What it costs that only what fits best is taken.
 _REPEATING = 0.5
-#: By how much a texture that keeps an order may cost more than one that does not.
-_DOUBT = 0.1
+#: By how much a texture that keeps an order may cost more than one that does not; and how many times as large
+#: a second one of either is, as patches get out of step the more, the further they are laid.
+_DOUBT, _LARGER = 0.1, 1.5
 #: Largest likeness of the sample with itself far away at which repeating it is a fault, and what is far, as a
 #: share of its shorter side.
 _ORDERED, _FAR = 0.5, 0.15
@@ -81,7 +82,7 @@ class _HopelessError(Exception):
 def try_settings(
     material: Material,
     others: Sequence[Order | None],
-    gray: Floats32,
+    seen: Floats32,
     patches: Sequence[tuple[int, int]],
     request: TextureRequest,
     size: tuple[int, int],
@@ -95,8 +96,8 @@ def try_settings(
     material : Material
     others : sequence of Order or None
         Orders that patches may keep step with instead of the material's.
-    gray : (AH, AW, 1) float32 array
-        Brightness of the samples on their atlas, as a share of white.
+    seen : (AH, AW, C) float32 array
+        Colours of the samples on their atlas, in shares of white.
     patches : sequence of (int, int)
         Side and overlap, px, of fine patches, and of coarse ones where these are larger.
     request : TextureRequest
@@ -115,14 +116,23 @@ def try_settings(
     shorter = int(material.atlas.shapes.min())
     factor = max(1, round(shorter / _SIDE))
     context = -(-request.options.context // factor)
-    small, gray = _reduced(material, gray, factor, context)
+    small, seen = _reduced(material, seen, factor, context)
     side = max(shorter // factor, min(_SIDE, 2 * shorter // factor))
-    shape = min(-(-size[0] // factor), side), min(-(-size[1] // factor), side)
-    judge = _Judge(small, gray)
+    shape, larger = (
+        (min(-(-size[0] // factor), length), min(-(-size[1] // factor), length))
+        for length in (side, round(_LARGER * side))
+    )
+    judge = _Judge(small, seen)
     names = [name for name in SETTINGS if len(patches) > SETTINGS[name].coarse]
     part = 1 / (len(names) + 1)
 
-    def attempt(name: SettingName, material: Material, best: float, report: Report | None) -> Tried | None:
+    def attempt(
+        name: SettingName,
+        material: Material,
+        shape: tuple[int, int],
+        best: float,
+        report: Report | None,
+    ) -> Tried | None:
         patch, overlap = (max(length // factor, 2) for length in patches[SETTINGS[name].coarse])
         patch = max(patch, SMALLEST_PATCH)
         if not whole(small.atlas.copied, (min(patch, shape[0]), min(patch, shape[1]))).any():
@@ -143,43 +153,43 @@ def try_settings(
     tried: list[Tried] = []
     for number, name in enumerate(names):
         best_cost = min((each.cost for each in tried), default=math.inf)
-        one = attempt(name, small, best_cost, stage(progress, number * part, part))
+        one = attempt(name, small, shape, best_cost, stage(progress, number * part, part))
         tried += [] if one is None else [one]
     tried.sort(key=lambda one: one.cost)
     if not tried:
         return tried, material.order
-    best, order = tried[0], material.order
-    for number, other in enumerate(others):
-        scaled = None if other is None else other.scaled(factor)
-        report = stage(progress, 1 - part * (1 - number / len(others)), part / len(others))
-        again = attempt(best.name, dataclasses.replace(small, order=scaled), math.inf, report)
-        doubt = _DOUBT * ((other is not None) - (order is not None))
-        if again is not None and again.cost <= best.cost + doubt:
-            best, order = again, other
-    return [best, *tried[1:]], order
+    order, least = material.order, math.inf
+    orders = (order, *others) if others else ()
+    for number, other in enumerate(orders):
+        kept = dataclasses.replace(small, order=None if other is None else other.scaled(factor))
+        report = stage(progress, 1 - part * (1 - number / len(orders)), part / len(orders))
+        again = [
+            attempt(tried[0].name, kept, extent, math.inf, stage(report, k / 2, 0.5))
+            for k, extent in enumerate((shape, larger))
+        ]
+        cost = sum(math.inf if one is None else one.cost for one in again) + 2 * _DOUBT * (other is None)
+        if cost < least:
+            order, least = other, cost
+    return tried, order
 
 
-def brightness(sources: Sources, white: float, *, levelled: bool) -> list[Floats32]:
-    """Compute the brightness of exemplars, (H, W, 1) each, as a share of white; without slow light where that
-    is levelled, which features have lost.
+def colours(sources: Sources, white: float, *, levelled: bool) -> list[Floats32]:
+    """Compute the colours of exemplars, (H, W, C) each, in shares of white; without slow light where that is
+    levelled, which features have lost.
     """
     if levelled and sources.own_features:
-        scale = np.float32(1 / (np.sqrt(sources.compared[0][1]) * sources.own_features))
-        return [
-            scale * values[..., : sources.own_features].sum(axis=2, keepdims=True)
-            for values in sources.features
-        ]
-    share = np.float32(1 / white)
-    return [image.mean(axis=2, keepdims=True, dtype=np.float32) * share for image in sources.planes[0]]
+        scale = np.float32(1 / np.sqrt(sources.compared[0][1]))
+        return [scale * values[..., : sources.own_features] for values in sources.features]
+    return [image.astype(np.float32) / np.float32(white) for image in sources.planes[0]]
 
 
-def _reduced(material: Material, gray: Floats32, factor: int, context: int) -> tuple[Material, Floats32]:
-    """Reduce samples and their brightness by a factor."""
+def _reduced(material: Material, seen: Floats32, factor: int, context: int) -> tuple[Material, Floats32]:
+    """Reduce samples and their colours by a factor."""
     small = material.reduced(factor, context)
     if factor == 1:
-        return material, gray
+        return material, seen
     planes = [
-        reduced(gray[place], material.atlas.usable[place].astype(np.float32), factor)[0]
+        reduced(seen[place], material.atlas.usable[place].astype(np.float32), factor)[0]
         for place in material.atlas.places
     ]
     return small, small.atlas.spread(planes)
@@ -188,18 +198,18 @@ def _reduced(material: Material, gray: Floats32, factor: int, context: int) -> t
 class _Judge:
     """What textures of one sample cost."""
 
-    def __init__(self, material: Material, gray: Floats32) -> None:
-        self._atlas, self._gray = material.atlas, gray
-        self._busy = busyness(gray[..., 0], self._atlas.usable)
-        place = max(self._atlas.places, key=lambda one: gray[one].size)
-        self._order = _order(gray[place], self._atlas.usable[place])
+    def __init__(self, material: Material, seen: Floats32) -> None:
+        self._atlas, self._seen = material.atlas, seen
+        self._busy = busyness(seen, self._atlas.usable)
+        place = max(self._atlas.places, key=lambda one: seen[one].size)
+        self._order = _order(seen[place].mean(axis=2, keepdims=True), self._atlas.usable[place])
         guard = find_landmarks(material.features, self._atlas.usable, self._atlas.factor).guard
-        self._objects = None if guard is None else guard.reshape(gray.shape[:2]) > 0
+        self._objects = None if guard is None else guard.reshape(seen.shape[:2]) > 0
 
     def verdict(self, canvas: IndexCanvas) -> JointVerdict:
         """Judge what has been laid."""
         steps = JointSteps(canvas.index, self._atlas, canvas.wrap)
-        steps.add(self._gray, 1.0)
+        steps.add_all(self._seen, 1.0)
         laid = int(np.count_nonzero(canvas.index >= 0))
         return steps.verdict(self._busy, laid, canvas.shown(self._atlas.copied), objects=self._objects)
 

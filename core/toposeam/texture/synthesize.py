@@ -40,7 +40,7 @@ from toposeam.texture.placement.options import VARIED, LayKeywords, LayOptions
 from toposeam.texture.placement.request import TextureRequest
 from toposeam.texture.scheduling.process_pool import MAX_PROCESSES
 from toposeam.texture.scheduling.raster import patches_along
-from toposeam.texture.setting_trial import SETTINGS, Tried, brightness, try_settings
+from toposeam.texture.setting_trial import SETTINGS, Tried, colours, try_settings
 from toposeam.texture.tile_origin import begun
 from toposeam.typing import Setting
 
@@ -101,8 +101,9 @@ def synth(
         that shows little (:mod:`toposeam.texture.tile_origin`).
     turns : {"none", "mirror", "quarters", "all"}
         Whether patches are also taken from the exemplars mirrored left to right, turned by quarters, or both:
-        for gravel and leaves, which have no upper side. The light turns with them; values do not, so that it
-        cannot be combined with `normal`. :attr:`Synthesis.exemplar` counts every position as an exemplar.
+        for gravel and leaves, which have no upper side. The light turns with them, and so do the vectors of
+        `normal`, whichever way their green counts. :attr:`Synthesis.exemplar` counts every position as an
+        exemplar.
     setting : {"auto", "coarse", "coarse-mixed", "fine", "fine-mixed", "varied"}
         How large patches are (fine: by the size of elements; coarse: half of the exemplar's shorter side) and
         which are taken: those that fit best (a `variation` of 0), mixed (0.25) or varied (0.5). By default
@@ -207,7 +208,7 @@ def synth(
         tileable=tileable,
         variation=variation if setting == "auto" else SETTINGS[setting].variation,
     )
-    _check_turns(turns, normal, lattice, guide)
+    _check_turns(turns, lattice, guide)
     read, level = _exemplars(
         request, widened(source), widened(source_mask), flatten, level, transparent, guided=guide is not None
     )
@@ -238,9 +239,9 @@ def synth(
     done = 0.0
     if setting == "auto" and not (named or transparent or wanted):
         others, done = _other_orders(sources, material.order, request.options, lattice), 0.4
-        gray = atlas.spread(brightness(sources, request.white_of(sources), levelled=level is True))
+        seen = atlas.spread(colours(sources, request.white_of(sources), levelled=level is True))
         report = stage(progress, 0.0, done)
-        tried, order = try_settings(material, others, gray, sides, request, (height, width), report)
+        tried, order = try_settings(material, others, seen, sides, request, (height, width), report)
         setting = tried[0].name if tried else "varied"
         side, lap = sides[-1] if SETTINGS[setting].coarse else sides[0]
         request = request.varied(
@@ -264,15 +265,9 @@ def synth(
     return begun(made) if guide is None else made
 
 
-def _check_turns(turns: Turns, normal: Images | None, lattice: npt.ArrayLike | None, guide: object) -> None:
-    """Refuse what does not turn with the exemplars, and a lattice beside a guide."""
+def _check_turns(turns: Turns, lattice: npt.ArrayLike | None, guide: object) -> None:
+    """Refuse a lattice where exemplars are turned, or beside a guide."""
     check_choice("turns", turns, TURNS)
-    if normal is not None and turns != "none":
-        raise OptionError(
-            "turned patches have normals that point elsewhere; leave out {turns}, or {normal}",
-            kind="conflict",
-            parameter=Term("turns"),
-        )
     if lattice is not None and (turns != "none" or guide is not None):
         raise _several(lattice)
 

@@ -232,9 +232,8 @@ def test_normals_mixed_at_seams_have_length_1(sample, signed):
 
     assert lengths(mixed).min() < 0.9  # what mixing alone would give
     np.testing.assert_allclose(lengths(made.normal), 1, atol=1e-4)
-    for refused, words in (({"normal": source[..., 0]}, "one channel"), ({"turns": "all"}, "turned patches")):
-        with pytest.raises(ts.TopoSeamError, match=words):
-            ts.synthesize(source, 60, patch=24, **{"normal": given, **refused})
+    with pytest.raises(ts.TopoSeamError, match="one channel"):
+        ts.synthesize(source, 60, patch=24, normal=source[..., 0])
 
 
 def test_further_maps_are_cut_alike(sample):

@@ -1,6 +1,9 @@
-"""Visible joints: steps in brightness where two copies meet, beyond those that the sample has there itself.
+"""Visible joints: steps in brightness or colour where two copies meet, beyond those that the sample has there
+itself.
 
-A step is seen from 12 % of white on. Where the sample is full of such steps, as grass is, they hide joints.
+A step in brightness is seen from 12 % of white on. Colours are seen less sharply, but areas of two hues that
+meet are told apart by far less, also where noise hides the step between two pixels: so colour is compared by
+means over some pixels on either side. Where the sample is full of such steps, as grass is, they hide joints.
 """
 
 from __future__ import annotations
@@ -11,6 +14,7 @@ from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
+from scipy import ndimage
 
 from toposeam.arrays import Floats32, Ints32, Mask
 from toposeam.texture.canvas.copy_borders import joints
@@ -19,6 +23,12 @@ from toposeam.texture.exemplar.atlas import Atlas
 
 #: Least step, as a share of white, that is seen.
 _VISIBLE = 0.12
+#: (3, 3) Brightness, red against green and yellow against blue of red, green and blue: the latter are a and b
+#: of Oklab (Ottosson 2020) near gray, where hues are as far apart as they look, in shares of white, doubled,
+#: since its distances of colours are short against those of brightness.
+_AXES = np.array([[1 / 3, 1 / 3, 1 / 3], [0.68, -0.92, 0.24], [0.22, 0.62, -0.84]], np.float32)
+#: Least step in colour that is seen, and number of pixels on either side over which colour is averaged.
+_TOLD_APART, _REACH = 0.06, 4
 #: Share of the sample's own pixels with such steps at which half of the joints are hidden.
 _BUSY = 0.02
 #: What a joint within an object counts that is no step.
@@ -97,35 +107,63 @@ class JointSteps:
     """
 
     def __init__(self, index: Ints32, atlas: Atlas, wraps: tuple[bool, bool]) -> None:
-        self._shape, usable = index.shape, atlas.usable.ravel()
-        parts = []
+        self._shape, self._usable = index.shape, atlas.usable
+        usable = atlas.usable.ravel()
+        parts: tuple[list[list[Ints32]], list[list[Ints32]]] = [], []
         for first, second, step in joints(index, atlas.width, wraps):
             p, q = index.take(first), index.take(second)
             ahead, behind = p + step, q - step
             np.copyto(ahead, p, where=~usable[ahead])
             np.copyto(behind, q, where=~usable[behind])
-            parts.append([one.astype(np.int32) for one in (first, second, p, q, ahead, behind)])
-        self._first, self._second, *self._sources = map(np.concatenate, zip(*parts, strict=True))
-        #: (3, n): the step at each joint, and the steps of either copy there, in the sum of the channels.
-        self._steps = np.zeros((3, len(self._first)), np.float32)
+            places = (first, second, p, q, ahead, behind)
+            parts[step == 1].append([one.astype(np.int32) for one in places])
+        self._count = [sum(len(one[0]) for one in part) for part in parts]
+        #: First and second pixel of each joint down, then across, and where they and their neighbours beyond
+        #: the joint are on the atlas.
+        self._places = [np.concatenate(one) for one in zip(*parts[0], *parts[1], strict=True)]
+        #: (3, 1 or 3, n): the step at each joint, and those of either copy there, along the axes of colour.
+        self._steps = np.zeros((3, 1, sum(self._count)), np.float32)
 
-    def add(self, values: npt.NDArray[Any], share: float, lift: Lift | None = None) -> None:
-        """Add a channel (AH, AW) of the samples, times what it counts, in the light that copies are given."""
-        flat = values.reshape(-1)
-        p, q, ahead, behind = (flat.take(one).astype(np.float32) for one in self._sources)
+    def add(self, values: npt.NDArray[Any], axes: Floats32, lift: Lift | None = None) -> None:
+        """Add a channel (AH, AW) of the samples, times what it counts on each axis of colour, (1,) or (3,),
+        in the light that copies are given.
+        """
+        if len(axes) > self._steps.shape[1]:
+            self._steps = np.repeat(self._steps, len(axes), axis=1)
+        parts = np.s_[: self._count[0]], np.s_[self._count[0] :]
+        for axis, part in enumerate(parts):
+            self._add((values, values), axes, np.s_[:1], part, lift)
+            if len(axes) > 1:
+                self._add(_sides(values, self._usable, axis), axes, np.s_[1:], part, lift)
+
+    def _add(
+        self,
+        sides: tuple[npt.NDArray[Any], npt.NDArray[Any]],
+        axes: Floats32,
+        chosen: slice,
+        part: slice,
+        lift: Lift | None,
+    ) -> None:
+        """Add a channel to some axes of some joints, given what there is up to each pixel, and from it on."""
+        first, second, p, q, ahead, behind = (one[part] for one in self._places)
+        to, on = (side.reshape(-1) for side in sides)
+        here, onward, there, back = (
+            side.take(one).astype(np.float32) for side, one in ((to, p), (on, ahead), (on, q), (to, behind))
+        )
         if lift is not None:
             gain, offset = np.broadcast_to(lift.gain, lift.offset.shape), lift.offset
-            for place, here in ((self._first, (p, ahead)), (self._second, (q, behind))):
-                for one in here:
+            for place, both in ((first, (here, onward)), (second, (there, back))):
+                for one in both:
                     one *= _taken(gain, place)
                     one += _taken(offset, place)
-        for total, one, two in zip(self._steps, (p, p, q), (q, ahead, behind), strict=True):
-            total += np.float32(share) * (one - two)
+        weights = axes[chosen, np.newaxis]
+        for total, one, two in zip(self._steps, (here, here, back), (there, onward, there), strict=True):
+            total[chosen, part] += weights * (one - two)
 
     def add_all(self, plane: npt.NDArray[Any], white: float) -> None:
         """Add all channels of the samples (AH, AW, C) as they are."""
-        for channel in range(plane.shape[2]):
-            self.add(plane[..., channel], 1 / (white * plane.shape[2]))
+        for channel, axes in enumerate(_axes_of(plane) / np.float32(white)):
+            self.add(plane[..., channel], axes)
 
     def lit(
         self, lift: Callable[[int], Lift], plane: npt.NDArray[Any], white: float
@@ -134,7 +172,7 @@ class JointSteps:
 
         def light(channel: int) -> Lift:
             given = lift(channel)
-            self.add(plane[..., channel], 1 / (white * plane.shape[2]), given)
+            self.add(plane[..., channel], _axes_of(plane)[channel] / np.float32(white), given)
             return given
 
         return light
@@ -163,11 +201,11 @@ class JointSteps:
             Pixels of objects, in which joints that are no steps count as well, less: they cut one, or join
             two.
         """
-        at, before, after = np.abs(self._steps)
-        visible = at - np.maximum(before, after) > _VISIBLE
-        seen, cutting = self._first[visible], 0
+        visible = _visible(*self._steps.swapaxes(1, 2))
+        first, _, *sources = self._places
+        seen, cutting = first[visible], 0
         if objects is not None:
-            p, q = (objects.ravel().take(one) for one in self._sources[:2])
+            p, q = (objects.ravel().take(one) for one in sources[:2])
             cutting = int(np.count_nonzero((p | q) & ~visible))
         where = None
         if len(seen):
@@ -187,16 +225,53 @@ def _taken(values: npt.NDArray[Any], place: Ints32) -> Floats32:
     return found
 
 
-def busyness(gray: Floats32, usable: Mask) -> float:
-    """Compute the share of a sample's pixels (H, W) with steps that would be visible joints."""
+def _axes_of(plane: npt.NDArray[Any]) -> Floats32:
+    """Return what each channel of a plane (H, W, C) counts on each axis of colour, (C, 1 or 3)."""
+    count = plane.shape[2]
+    return _AXES.T if count == len(_AXES) else np.full((count, 1), 1 / count, np.float32)
+
+
+def _visible(at: Floats32, before: Floats32, after: Floats32) -> Mask:
+    """Find the steps that are seen among others, all (…, 1 or 3): brightness, and colour if there is any."""
+    bright = np.abs(at[..., 0]) - np.maximum(np.abs(before[..., 0]), np.abs(after[..., 0]))
+    found: Mask = bright > _VISIBLE
+    if at.shape[-1] > 1:
+        coloured, *own = (np.linalg.norm(one[..., 1:], axis=-1) for one in (at, before, after))
+        found |= coloured - np.maximum(*own) > _TOLD_APART
+    return found
+
+
+def _sides(values: npt.NDArray[Any], usable: Mask, axis: int) -> tuple[Floats32, Floats32]:
+    """Average the usable pixels (H, W) up to each one, and from each one on, along an axis."""
+    there = usable.astype(np.float32)
+    filled = np.where(usable, values, 0).astype(np.float32)
+
+    def mean(origin: int) -> Floats32:
+        total, count = (
+            ndimage.uniform_filter1d(one, _REACH, axis, mode="constant", origin=origin)
+            for one in (filled, there)
+        )
+        result: Floats32 = total / np.maximum(count, 0.5 / _REACH)
+        return result
+
+    return mean((_REACH - 1) // 2), mean(-(_REACH // 2))
+
+
+def busyness(values: Floats32, usable: Mask) -> float:
+    """Compute the share of a sample's pixels (H, W, C), in shares of white, with steps that would be visible
+    joints.
+    """
     middle = middle_of(usable)
+    shown, usable = np.moveaxis(values[middle] @ _axes_of(values), 2, 0), usable[middle]
     shares = []
-    for values, there in ((gray[middle], usable[middle]), (gray[middle].T, usable[middle].T)):
-        steps = np.abs(np.diff(values, axis=0))
+    for axis, there in enumerate((usable, usable.T)):
+        sides = [(shown[0], shown[0]), *(_sides(one, usable, axis) for one in shown[1:])]
+        steps = np.stack(
+            [np.moveaxis(one, axis, 0)[:-1] - np.moveaxis(two, axis, 0)[1:] for one, two in sides], axis=2
+        )
         known = there[:-3] & there[1:-2] & there[2:-1] & there[3:]
-        count = int(np.count_nonzero(known))
-        high = steps[1:-1] - np.maximum(steps[:-2], steps[2:]) > _VISIBLE
-        shares.append(np.count_nonzero(high & known) / max(count, 1))
+        high = _visible(steps[1:-1], steps[:-2], steps[2:])
+        shares.append(np.count_nonzero(high & known) / max(int(np.count_nonzero(known)), 1))
     return float(np.mean(shares))
 
 

@@ -3,7 +3,7 @@
 The verbs; commands of ``toposeam`` with the same names do the same to files:
 
 - Join: `stitch` pictures, make a clip `loop`, join stacks of slices with `volume`; `find_places`, `find_seam`
-  and `find_surface` say where pictures lie and are cut.
+  and `find_surface` say where pictures lie and are cut; `verdict` judges any joined picture.
 - Grow: `synth` a texture from a sample, `tile` a picture so that it repeats, `fill` what a mask covers.
 - Invent: a `motif`, and `repeat` it.
 - Plan: a `path` over a map of costs.

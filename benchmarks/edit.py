@@ -34,7 +34,7 @@ import scipy
 from PIL import Image
 
 from stamp import stamp
-from toposeam.seam.exact import maximum_flow
+from toposeam import _kernels
 from toposeam_cli.edit.preview import small_print
 from toposeam_cli.edit.session import Session
 from toposeam_cli.edit.work import Work
@@ -136,7 +136,7 @@ def main() -> None:
     parser.add_argument("--saves", action="store_true")
     given = parser.parse_args()
     if given.scipy:
-        maximum_flow.or_tools = lambda: None
+        _kernels.library = None
     print(stamp())
     sets = [sorted(path.iterdir()) for path in given.pictures if path.is_dir()]
     single = [path for path in given.pictures if path.is_file()]

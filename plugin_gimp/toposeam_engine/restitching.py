@@ -12,6 +12,7 @@ import numpy as np
 import toposeam as ts
 from toposeam.arrays import Labels
 from toposeam.layers.canvas.canvas import Canvas
+from toposeam.layers.canvas.layer import Box, cut
 from toposeam.vector.svg import SvgSeam
 from toposeam_engine.job import EngineJob
 from toposeam_engine.layers import (
@@ -61,6 +62,7 @@ def restitch(job: EngineJob) -> dict[str, Any]:
         "labels": labels_raster(job, labels, canvas),
         "seams": _seams(found, job.request["seams"]) if searched else None,
         "hints": _hints(job, canvas, wanted) if painted is not None and painted.any() else None,
+        "beyond": _beyond(job, layers, wanted, labels, canvas),
     }
     job.progress(1.0)
     return result
@@ -106,6 +108,24 @@ def _strokes(job: EngineJob, canvas: Canvas) -> Labels:
     here = wanted[common.slices]
     here[rows, columns] = far.argmin(axis=1).astype(np.int16)
     return wanted
+
+
+def _beyond(
+    job: EngineJob, layers: Sequence[ts.Layer], wanted: Labels, labels: Labels, canvas: Canvas
+) -> list[int]:
+    """Return, per layer, the number of pixels where new strokes ask for it and it has none, but another one
+    shows.
+    """
+    counts = [0] * len(layers)
+    if (news := job.request.get("news")) is None:
+        return counts
+    left, top, width, height = news
+    box = Box(top, left, top + height, left + width).moved(-canvas.origin[1], -canvas.origin[0])
+    box = box.shared(canvas.box)
+    asked = np.where(labels[box.slices] >= 0, wanted[box.slices], -1)
+    for index, (place, cover) in enumerate(zip(canvas.places, canvas.covers, strict=True)):
+        counts[index] = int(np.count_nonzero((asked == index) & ~cut(cover, place, box)))
+    return counts
 
 
 def _seams(found: ts.layers.Composition, before: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:

@@ -51,6 +51,11 @@ def chosen_layers(image: Gimp.Image, drawables: Sequence[Gimp.Drawable]) -> list
     return list(drawables)
 
 
+def under_masks(drawables: Sequence[Gimp.Drawable]) -> list[Gimp.Drawable]:
+    """Return the layers of masks, which are selected while somebody paints on them; others as they are."""
+    return [Gimp.Layer.from_mask(one) if isinstance(one, Gimp.LayerMask) else one for one in drawables]
+
+
 def lowest_first(image: Gimp.Image, layers: Sequence[Gimp.Layer]) -> list[Gimp.Layer]:
     """Sort layers in the order of the stack, from below. A group together with its own layers is refused."""
     chosen = {layer.get_id() for layer in layers}
@@ -208,8 +213,9 @@ def remember(
 ) -> None:
     """Attach the record that Re-stitch needs to a stitched group or a patch; it is saved with the file.
 
-    `about` holds its kind and the options. The answer's label map is attached compressed, so that later
-    changes of masks are known; without a folder the old one stays.
+    `about` holds its kind, the options, the layers' names in those of seams, and perhaps the checksums of
+    strokes. The answer's label map is attached compressed, so that later changes of masks are known; without
+    a folder the old one stays.
     """
     memory = {
         "version": _PARASITE_VERSION,

@@ -4,6 +4,8 @@ space.
 
 from __future__ import annotations
 
+import zlib
+from collections.abc import Iterable
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
@@ -180,34 +182,43 @@ def shows(layer: Gimp.Layer, box: Box | None = None) -> bool:
     return any(content[1::2])
 
 
-def send_strokes(folder: RequestFolder, layer: Gimp.Layer, name: str) -> dict[str, Any] | None:
-    """Write colours and opacity of a layer's strokes, 8 bits, and the place of their box; None if there are
-    none.
+def send_strokes(
+    folder: RequestFolder, layer: Gimp.Layer | None, sums: dict[str, int]
+) -> dict[str, Any] | None:
+    """Write colours and opacity of a layer's strokes, 8 bits, and the place of the box round their tiles;
+    None if there are none.
     """
-    box = _painted(layer)
-    if box is None:
+    if layer is None or not sums:
         return None
-    raster = _send(folder, layer, f"{name}.raw", Format.RGBA_U8.value, "uint8", 4, box)
+    box = box_of_tiles(layer, sums)
+    raster = _send(folder, layer, "hints.raw", Format.RGBA_U8.value, "uint8", 4, box)
     left, top = place_of(layer)
     return {**raster, "at": [left + box[0], top + box[1]]}
 
 
-def _painted(layer: Gimp.Layer) -> Box | None:
-    """Return a box, in the layer's own pixels, of all pixels that are not transparent black; None without
-    any.
+def stroke_sums(layer: Gimp.Layer | None) -> dict[str, int]:
+    """Return the checksum of each tile of a layer that is not all transparent black, by the tile's corner in
+    the layer's own pixels, ``left,top``; empty without a layer.
     """
-    buffer, whole = layer.get_buffer(), (0, 0, layer.get_width(), layer.get_height())
-    tiles = []
-    for top in range(0, whole[3], _TILE):
-        for left in range(0, whole[2], _TILE):
-            tile = common((left, top, _TILE, _TILE), whole) or whole
+    sums: dict[str, int] = {}
+    if layer is None:
+        return sums
+    buffer = layer.get_buffer()
+    for top in range(0, layer.get_height(), _TILE):
+        for left in range(0, layer.get_width(), _TILE):
+            tile = box_of_tiles(layer, [f"{left},{top}"])
             content = buffer.get(Gegl.Rectangle.new(*tile), 1.0, Format.RGBA_U8.value, Gegl.AbyssPolicy.NONE)
             if content.count(0) < len(content):
-                tiles.append(tile)
-    if not tiles:
-        return None
-    left, top = (min(tile[axis] for tile in tiles) for axis in (0, 1))
-    right, bottom = (max(tile[axis] + tile[axis + 2] for tile in tiles) for axis in (0, 1))
+                sums[f"{left},{top}"] = zlib.crc32(content)
+    return sums
+
+
+def box_of_tiles(layer: Gimp.Layer, corners: Iterable[str]) -> Box:
+    """Return the box round tiles, in the layer's own pixels."""
+    places = [tuple(map(int, corner.split(","))) for corner in corners]
+    left, top = (min(place[axis] for place in places) for axis in (0, 1))
+    right = min(max(place[0] for place in places) + _TILE, layer.get_width())
+    bottom = min(max(place[1] for place in places) + _TILE, layer.get_height())
     return left, top, right - left, bottom - top
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from inside import covers_once, mask_of, refused, shown, succeeded
+from pictures import photograph, write_png
 from running import needs_gimp
 
 needs_gimp()
@@ -189,3 +190,70 @@ def said(gimp, stitched, strokes):
     before = gimp.log.read_text().count(phrase)
     succeeded(gimp.run(procedure=RESTITCH, image=stitched["image"], layers=[strokes], mode="INTERACTIVE"))
     return gimp.log.read_text().count(phrase) - before
+
+
+@pytest.fixture
+def wide(gimp, image, tmp_path):
+    """Two pictures on a canvas so large that a stroke concerns a window of it, stitched; twice."""
+    whole, offsets = photograph(1300, 2200), [(0, 0), (900, 40)]
+    files = []
+    for index, (x, y) in enumerate(offsets):
+        files.append(tmp_path / f"part{index}.png")
+        noise = np.random.default_rng(index).integers(0, 20, (1260, 1300, 3), np.uint8)
+        write_png(files[-1], whole[y : y + 1260, x : x + 1300] // 2 + noise)
+    made = []
+    for _ in range(2):
+        loaded = image(files, offsets=offsets)
+        options = {"blend": "feather", "blend-width": 6.0}
+        made.append({**loaded, "group": succeeded(gimp.stitch(loaded, options))["layer"]})
+    return made
+
+
+#: Forgets how far blending reaches, so that everything is sent.
+FORGET = """
+import json
+memory = json.loads(bytes(item(number).get_parasite("toposeam-seam").get_data()))
+memory["margin"] = None
+item(number).attach_parasite(Gimp.Parasite.new("toposeam-seam", 3, list(json.dumps(memory).encode())))
+"""
+#: The label map that is kept, and what is known of masks.
+KEPT = """
+import json, zlib
+memory = json.loads(bytes(item(number).get_parasite("toposeam-seam").get_data()))
+labels = bytes(item(number).get_parasite("toposeam-shown").get_data())
+memory["labels"].pop("file")
+answer = [zlib.crc32(labels), memory["labels"], memory["masks"], memory["margin"]]
+"""
+
+
+@pytest.mark.medium
+@pytest.mark.parametrize("on", ["hints", "mask"])
+def test_a_window_gives_what_everything_gives(gimp, wide, on):
+    found, row = [], 830
+    for stitched in wide:
+        lower, upper = copies(gimp, stitched)
+        column = int((mask_of(gimp, upper)[row - 40] > 0).nonzero()[0].min()) + 900
+        if on == "hints":
+            painted = run(gimp, stitched, HINTS, lower)
+            fill(gimp, painted, [column + 20, row, 30, 20], foreground(gimp))
+        else:
+            painted = gimp.python(code="answer = item(number).get_mask().get_id()", number=upper)
+            fill(gimp, painted, [column + 20 - 900, row - 40, 30, 20], [0])
+        # What lies far away in the layer of blended pixels stays if only a window is made anew.
+        blended = gimp.tree(image=stitched["image"])["layers"][-3]["children"][0]
+        assert blended["name"] == "Blended seams"
+        (x, y), first = blended["offsets"], stitched is wide[0]
+        fill(gimp, blended["id"], [0, 0, 3, 3], [9, 8, 7, 255])
+        if not first:
+            gimp.python(code=FORGET, number=stitched["group"])
+        run(gimp, stitched, RESTITCH, stitched["group"])
+        seen = gimp.projection(stitched["image"], "R'G'B'A u8")
+        assert bool((seen[y : y + 3, x : x + 3] == [9, 8, 7, 255]).all()) == first
+        seen[y : y + 3, x : x + 3] = 0
+        tree = gimp.tree(image=stitched["image"])
+        names = [one["name"] for one in tree["layers"]]
+        lines = [gimp.strokes(path=path["id"]) for path in tree["paths"]]
+        found.append((seen, names, lines, gimp.python(code=KEPT, number=stitched["group"])))
+        assert not mask_of(gimp, upper)[row - 40 : row - 20, column + 20 - 900 : column + 50 - 900].any()
+    np.testing.assert_array_equal(found[0][0], found[1][0])
+    assert found[0][1:] == found[1][1:]

@@ -38,25 +38,21 @@ def new_hints(image: Gimp.Image, group: Gimp.Layer, box: pixels.Box) -> Gimp.Lay
     return layer
 
 
-def canvas_of(layers: Sequence[Gimp.Layer]) -> pixels.Box:
-    """Return the box of the canvas that layers cover."""
-    boxes = [(*pixels.place_of(layer), layer.get_width(), layer.get_height()) for layer in layers]
-    left, top = min(box[0] for box in boxes), min(box[1] for box in boxes)
-    right, bottom = max(box[0] + box[2] for box in boxes), max(box[1] + box[3] for box in boxes)
-    return left, top, right - left, bottom - top
-
-
 def replace_hints(
     folder: RequestFolder,
     image: Gimp.Image,
     group: Gimp.Layer,
     old: Gimp.Layer | None,
     raster: dict[str, Any],
-    box: pixels.Box,
+    layers: Sequence[Gimp.Layer],
 ) -> Gimp.Layer:
-    """Replace the layer of strokes by that of a raster; the undo step keeps the old layer."""
+    """Replace the layer of strokes by one with those of a raster, too; the undo step keeps the old layer."""
+    box = pixels.around([pixels.layer_box(layer) for layer in (*layers, *([old] if old else []))])
     layer = new_hints(image, group, box)
-    pixels.receive_strokes(folder, layer, raster)
+    at = raster["at"][0] - box[0], raster["at"][1] - box[1]
+    left, top = box[:2] if old is None else pixels.place_of(old)
+    shift = left - box[0], top - box[1]
+    pixels.receive_onto(folder, raster, layer, pixels.Format.RGBA_U8.value, at, old, shift)
     layer.set_visible(False)
     if old is not None:
         layer.set_opacity(old.get_opacity())
@@ -64,18 +60,6 @@ def replace_hints(
         image.remove_layer(old)
         layer.set_name(name)
     return layer
-
-
-def news_of(layer: Gimp.Layer | None, memory: dict[str, Any], sums: dict[str, int]) -> pixels.Box | None:
-    """Return a box of the canvas round the strokes that were painted or erased since the seams were joined;
-    None if there are none. `sums` are the checksums of the strokes now.
-    """
-    before = memory.get("strokes", {})
-    changed = [tile for tile in {**before, **sums} if before.get(tile) != sums.get(tile)]
-    if layer is None or not changed:
-        return None
-    (left, top), box = pixels.place_of(layer), pixels.box_of_tiles(layer, changed)
-    return left + box[0], top + box[1], box[2], box[3]
 
 
 def show_reach(image: Gimp.Image, strokes: Gimp.Layer, layers: Sequence[Gimp.Layer], first: int) -> None:

@@ -37,7 +37,7 @@ def restitch(call: Call) -> Gimp.Layer:
     selected = chosen_layers(image, under_masks(call.drawables))
     group, memory = stitched_group(image, selected)
     layers, strokes = _layers_of(image, memory), hints.hints_of(image, memory)
-    now = {"masks": sums_of(layers), "strokes": pixels.tile_sums(strokes)}
+    now: dict[str, Any] = {"masks": sums_of(layers), "strokes": pixels.tile_sums(strokes)}
     applied = _seams_to_apply(call, memory["seams"])
     bent = any(seam["touched"] for seam in applied)
     window = None if bent else window_of(layers, strokes, memory, now)

@@ -245,7 +245,7 @@ def sums_of(
     for index, layer in enumerate(layers):
         (left, top), mask = pixels.place_of(layer), layer.get_mask()
         box = window and (window[0] - left, window[1] - top, *window[2:])
-        found.append([left, top, pixels.tile_sums(mask, known and known[index][2], box)])
+        found.append([left, top, pixels.tile_sums(mask, known[index][2] if known else None, box)])
     return found
 
 

@@ -262,7 +262,7 @@ def changed_box(drawable: Gimp.Drawable, before: Mapping[str, int], now: Mapping
 
 
 def _painted_in(layer: Gimp.Layer, box: Box) -> Box | None:
-    """Return the part of a box, in the layer's own pixels, in which it is not transparent; None without one."""
+    """Return the part of a box, in the layer's own pixels, that is not transparent; None if all is."""
     place, name = Gegl.Rectangle.new(*box), Format.GRAYA_U8.value
     opacity = layer.get_buffer().get(place, 1.0, name, Gegl.AbyssPolicy.NONE)[1::2]
     lines = [opacity[row * box[2] : (row + 1) * box[2]] for row in range(box[3])]

@@ -58,9 +58,9 @@ bench-gimp: $(READY) gimp  ## Stitch Layers in GIMP against the command line, 12
 gimp-figures: $(READY) gimp  ## the pictures of docs/gimp.md, made in a real GIMP
 	PYTHON=$(BIN)/python tests/gimp/gimp3.sh run python docs/gimp_figures.py
 
-plugin-zip: $(READY)  ## the GIMP plug-in as an archive for people without a terminal, into dist/
-	rm -rf build/wheel && TOPOSEAM_KERNELS=0 $(BIN)/python -m build --wheel --no-isolation --outdir build/wheel . >/dev/null
-	$(BIN)/python plugin_gimp/make_zip.py dist/toposeam-gimp.zip build/wheel/*.whl
+plugin-zip:  ## the GIMP plug-in as an archive for people without a terminal, into dist/ (needs Python with pip)
+	rm -rf build/wheel && TOPOSEAM_KERNELS=0 "$(PYTHON)" -m pip --disable-pip-version-check wheel --quiet --no-deps --wheel-dir build/wheel .
+	"$(PYTHON)" plugin_gimp/make_zip.py dist/toposeam-gimp.zip build/wheel/*.whl
 
 kernels: $(READY)  ## compile the kernels of core anew, where there is a C compiler
 	$(BIN)/python hatch_build.py

@@ -49,6 +49,10 @@ class EngineJob:
         pixels = np.memmap(path, dtype, "r", shape=shape)
         return pixels if shape[2] > 1 else pixels[..., 0]
 
+    def read_bytes(self, name: str) -> bytes:
+        """Read a file of the request."""
+        return self._inside(name).read_bytes()
+
     def write(self, pixels: Any) -> dict[str, Any]:
         """Write (H, W) or (H, W, C) pixels to a new file; return its description for the result."""
         import numpy as np

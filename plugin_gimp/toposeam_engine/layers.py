@@ -13,8 +13,9 @@ import numpy.typing as npt
 
 import toposeam as ts
 from toposeam.arrays import Image, Mask
-from toposeam.images import full_scale
+from toposeam.images import box_of, full_scale
 from toposeam.layers.canvas.canvas import Canvas
+from toposeam.layers.canvas.layer import Box
 from toposeam_engine.job import EngineJob
 
 
@@ -84,12 +85,12 @@ def with_alpha(image: Image, alpha: Image | None) -> Image:
 
 
 def masks_of(
-    job: EngineJob, layers: Sequence[ts.Layer], labels: Any, canvas: Canvas
+    job: EngineJob, layers: Sequence[ts.Layer], labels: Any, canvas: Canvas, *, every: bool = False
 ) -> list[dict[str, Any] | None]:
     """Return a mask for each layer, of the layer's size: 0 where a lower layer shows, 255 elsewhere.
 
     So painting black on a mask shows the layers below. The lowest layer needs no mask, unless a layer on it
-    is partly transparent.
+    is partly transparent, or `every` one is wanted.
     """
     places = [canvas.place(layer).slices for layer in layers]
     clear = None
@@ -103,16 +104,9 @@ def masks_of(
         hides = (own >= 0) & (own < index)
         if clear is not None:
             hides |= (own > index) & clear[place]
-        whole = index == 0 and not hides.any()
+        whole = index == 0 and not every and not hides.any()
         masks.append(None if whole else job.write(np.where(hides, np.uint8(0), np.uint8(255))))
     return masks
-
-
-def labels_raster(job: EngineJob, labels: Any, canvas: Canvas) -> dict[str, Any]:
-    """Return the number of the layer that shows at each pixel, counted from 1, with the canvas's place."""
-    dtype = np.uint8 if labels.max(initial=0) < 255 else np.uint16
-    counted = np.add(labels, 1, dtype=dtype, casting="unsafe")
-    return {**job.write(counted), "at": list(canvas.origin)}
 
 
 def blending(options: Mapping[str, Any]) -> dict[str, Any]:
@@ -127,12 +121,14 @@ def blending(options: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def changes_of(
-    job: EngineJob, layers: Sequence[ts.Layer], stitched: ts.layers.Composition, canvas: Canvas
+    job: EngineJob,
+    layers: Sequence[ts.Layer],
+    stitched: ts.layers.Composition,
+    canvas: Canvas,
+    within: Box | None = None,
 ) -> dict[str, Any] | None:
-    """Return a raster of the pixels in which the composite differs from the masked layers; None if there are
-    none.
-
-    All other pixels are transparent.
+    """Return a raster of the pixels in which the composite differs from the masked layers, all others
+    transparent; None if there are none. With a box of the canvas it is the raster of that.
     """
     changed = np.zeros(canvas.shape, bool)
     for layer, mask in zip(layers, stitched.masks, strict=True):
@@ -143,11 +139,11 @@ def changes_of(
             blended = stitched.image[part]
             differs = blended != (own if own.ndim == blended.ndim else own[..., np.newaxis])
             changed[part] |= (differs if differs.ndim == 2 else differs.any(axis=2)) & mask[part]
-    if not changed.any():
-        return None
-    rows, columns = (np.flatnonzero(changed.any(axis=axis)) for axis in (1, 0))
-    top, left = int(rows[0]), int(columns[0])
-    box = np.s_[top : int(rows[-1]) + 1, left : int(columns[-1]) + 1]
+    if within is None:
+        if not changed.any():
+            return None
+        within = Box.of(*box_of(changed))
+    box, (top, left) = within.slices, within[:2]
     image = stitched.image
     alpha = (
         np.broadcast_to(full_scale(image.dtype), canvas.shape) if stitched.alpha is None else stitched.alpha

@@ -12,12 +12,13 @@ import numpy as np
 import toposeam as ts
 from toposeam.arrays import Labels
 from toposeam.layers.canvas.canvas import Canvas
+from toposeam.layers.canvas.layer import Box, cut
 from toposeam.vector.svg import SvgSeam
 from toposeam_engine.job import EngineJob
+from toposeam_engine.kept import Kept, kept_of, unpacked
 from toposeam_engine.layers import (
     blending,
     changes_of,
-    labels_raster,
     layers_of,
     masks_of,
     place_of,
@@ -32,11 +33,13 @@ def restitch(job: EngineJob) -> dict[str, Any]:
     """Join layers along given paths, and round strokes on hints and masks.
 
     Each path that was edited divides the pixels that its pair shows. If two layers were moved since they were
-    joined, every path does.
+    joined, every path does. A request may hold only a window of layers that stayed, with the box (`within`)
+    in which pixels may change; if more would have to, the answer is to ask again, with everything.
     """
     layers, options = layers_of(job), blending(job.options)
-    canvas = ts.layers.common_canvas(layers)
-    written = _written(job, canvas)
+    canvas, within = ts.layers.common_canvas(layers), _box(job.request.get("within"))
+    known = None if job.request.get("written") is None else unpacked(job, job.request["written"])
+    written = None if known is None else _written(known, canvas, whole=within is None)
     kept = written is not None and bool(job.request.get("masks_kept"))
     shown = written if kept and written is not None else _shown(job, layers, canvas)
     moved = len(layers) == 2 and written is None
@@ -52,18 +55,34 @@ def restitch(job: EngineJob) -> dict[str, Any]:
     found = ts.layers.restitch(layers, masks, paths, fixed=wanted, **options)
     labels, searched = found.label_map, found.solution.method not in ("masks", "path")
     job.progress(0.6)
+    now, inner = kept_of(layers, labels, canvas), None
+    if within is not None and known is not None:
+        inner = within.moved(-canvas.origin[1], -canvas.origin[0]).shared(canvas.box)
+        rows, columns = (np.flatnonzero((labels != before).any(axis=axis)) for axis in (1, 0))
+        if rows.size and Box(rows[0], columns[0], rows[-1] + 1, columns[-1] + 1).around(inner) != inner:
+            return {"again": True}
+        now = known.with_labels(known.box_of(canvas), labels)
     blended = None
     if options.get("blend", "none") != "none":
-        blended = changes_of(job, layers, found, canvas)
+        blended = changes_of(job, layers, found, canvas, inner)
     result = {
-        "masks": masks_of(job, layers, labels, canvas),
+        "masks": masks_of(job, layers, labels, canvas, every=inner is not None),
         "blended": blended,
-        "labels": labels_raster(job, labels, canvas),
-        "seams": _seams(found, job.request["seams"]) if searched else None,
+        "labels": now.pack(job),
+        "margin": [found.blending.margin, found.blending.grid],
+        "seams": _seams(found if inner is None else now.traced(), job.request["seams"]) if searched else None,
         "hints": _hints(job, canvas, wanted) if painted is not None and painted.any() else None,
+        "beyond": _beyond(job, layers, wanted, labels, canvas),
     }
     job.progress(1.0)
     return result
+
+
+def _box(given: Sequence[int] | None) -> Box | None:
+    if given is None:
+        return None
+    left, top, width, height = given
+    return Box(top, left, top + height, left + width)
 
 
 def _shown(job: EngineJob, layers: Sequence[ts.Layer], canvas: Canvas) -> Labels:
@@ -76,16 +95,12 @@ def _shown(job: EngineJob, layers: Sequence[ts.Layer], canvas: Canvas) -> Labels
     return labels
 
 
-def _written(job: EngineJob, canvas: Canvas) -> Labels | None:
+def _written(known: Kept, canvas: Canvas, *, whole: bool) -> Labels | None:
     """(H, W): the labels of the masks as they were written; None if layers were moved since."""
-    raster = job.request.get("written")
-    if raster is None or place_of(raster) != canvas.origin:
+    box = known.box_of(canvas)
+    if whole and (known.at != canvas.origin or known.labels.shape != canvas.shape):
         return None
-    counted = job.read(raster)
-    if counted.shape != canvas.shape:
-        return None
-    labels: Labels = np.subtract(counted, 1, dtype=np.int16, casting="unsafe")
-    return labels
+    return known.labels[box.slices]
 
 
 def _strokes(job: EngineJob, canvas: Canvas) -> Labels:
@@ -106,6 +121,23 @@ def _strokes(job: EngineJob, canvas: Canvas) -> Labels:
     here = wanted[common.slices]
     here[rows, columns] = far.argmin(axis=1).astype(np.int16)
     return wanted
+
+
+def _beyond(
+    job: EngineJob, layers: Sequence[ts.Layer], wanted: Labels, labels: Labels, canvas: Canvas
+) -> list[int]:
+    """Return, per layer, the number of pixels where new strokes ask for it and it has none, but another one
+    shows.
+    """
+    counts = [0] * len(layers)
+    news = _box(job.request.get("news"))
+    if news is None:
+        return counts
+    box = news.moved(-canvas.origin[1], -canvas.origin[0]).shared(canvas.box)
+    asked = np.where(labels[box.slices] >= 0, wanted[box.slices], -1)
+    for index, (place, cover) in enumerate(zip(canvas.places, canvas.covers, strict=True)):
+        counts[index] = int(np.count_nonzero((asked == index) & ~cut(cover, place, box)))
+    return counts
 
 
 def _seams(found: ts.layers.Composition, before: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:

@@ -11,11 +11,11 @@ import numpy as np
 import toposeam as ts
 from toposeam.images import box_of
 from toposeam_engine.job import EngineJob
+from toposeam_engine.kept import kept_of
 from toposeam_engine.layers import (
     avoided_on,
     blending,
     changes_of,
-    labels_raster,
     layers_of,
     masks_of,
     selected_on,
@@ -119,7 +119,8 @@ def _joined(job: EngineJob, layers: Sequence[ts.Layer], found: ts.layers.Composi
     canvas = ts.layers.common_canvas(layers)
     return {
         "masks": masks_of(job, layers, found.label_map, canvas),
-        "labels": labels_raster(job, found.label_map, canvas),
+        "labels": kept_of(layers, found.label_map, canvas).pack(job),
+        "margin": [found.blending.margin, found.blending.grid],
         "seams": [
             {
                 "pair": pair,

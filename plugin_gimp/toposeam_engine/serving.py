@@ -6,7 +6,7 @@ and the results. The asker made it, put a nonce into a file called ``toposeam-re
 the same nonce as the first line on stdin; any other folder is refused and left untouched. The engine speaks
 on stdout, one JSON object a line::
 
-    {"event": "hello", "protocol": 4, "version": "0.2.0"}
+    {"event": "hello", "protocol": 5, "version": "0.2.0"}
     {"event": "progress", "share": 0.25}
     {"event": "alive"}                                  every few seconds, so that silence means trouble
     {"event": "result", "result": {…}}                  or what went wrong:
@@ -41,7 +41,7 @@ from toposeam.sentence import as_toposeam_error, printable
 from toposeam_engine.job import EngineJob
 
 #: Version of the protocol, to be raised when requests or results change their meaning.
-PROTOCOL = 4
+PROTOCOL = 5
 #: The file with the nonce in a request's folder; the plug-in writes it.
 MARKER = "toposeam-request"
 _LONGEST_NONCE = 200

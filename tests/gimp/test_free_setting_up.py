@@ -39,12 +39,25 @@ def _wheel(folder, version):
 
 @pytest.mark.medium
 def test_an_environment_is_made_and_found(tmp_path, record):
-    folder = tmp_path / "engine"
-    SettingUp().make(folder, _wheel(tmp_path, __version__))
+    folder, steps = tmp_path / "engine", []
+    SettingUp().make(folder, _wheel(tmp_path, __version__), lambda step, _size: steps.append(step))
+    assert sorted(set(steps)) == [0, 1, 2]
+    assert steps == sorted(steps)
     python = process.find_python(home=tmp_path)
     assert python.startswith(str(folder))
     assert json.loads(record.read_text())["without"] == ["graph-cut"]
     subprocess.run([python, "-c", "import toposeam_engine"], check=True)
+
+
+def test_what_is_fetched_is_counted():
+    said = [
+        "  Downloading numpy-2.4.6-cp313-manylinux_2_28_x86_64.whl (16.8 MB)",
+        "  Using cached click-8.5.1-py3-none-any.whl (126 kB)",
+        "     ━━━━━━━━━━━━━━━━ 16.8/16.8 MB 42.0 MB/s",
+        "Processing ./toposeam-0.2.0-py3-none-any.whl (from toposeam==0.2.0)",
+    ]
+    found = [match.groups() for line in said if (match := setting_up._FETCHED.search(line))]
+    assert found == [("16.8", "MB"), ("126", "kB")]
 
 
 @pytest.mark.medium

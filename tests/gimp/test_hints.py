@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from inside import covers_once, mask_of, refused, shown, succeeded
+from pictures import photograph, write_png
 from running import needs_gimp
 
 needs_gimp()
@@ -114,3 +115,145 @@ group.attach_parasite(Gimp.Parasite.new("toposeam-seam", 3, list(json.dumps(memo
 """
     gimp.python(code=code, number=stitched["image"], group=stitched["group"])
     refused(gimp, {**stitched, "layers": [stitched["group"]]}, "paint on the layers' masks", HINTS)
+
+
+def test_a_selected_mask_stands_for_its_layer(gimp, stitched):
+    _lower, upper = copies(gimp, stitched)
+    row = 300
+    column = int((mask_of(gimp, upper)[row] > 0).nonzero()[0].min()) + 20
+    code = "answer = item(number).get_mask().get_id()"
+    fill(gimp, gimp.python(code=code, number=upper), [column, row, 15, 15], [0])
+    for _ in range(2):
+        run(gimp, stitched, RESTITCH, gimp.python(code=code, number=upper))
+        assert not mask_of(gimp, upper)[row : row + 15, column : column + 15].any()
+        painting = (
+            "answer = [image_of(number).get_selected_layers()[0].get_id(), item(layer).get_edit_mask()]"
+        )
+        assert gimp.python(code=painting, number=stitched["image"], layer=upper) == [upper, True]
+        # another place, as somebody who goes on painting
+        fill(gimp, gimp.python(code=code, number=upper), [column, row - 60, 15, 15], [0])
+    tree = gimp.tree(image=stitched["image"])
+    names = [one["name"] for one in tree["layers"]]
+    assert names[:2] == ["Seam hints", "Stitched"]
+    assert [one["name"] for one in tree["layers"][1]["children"][1:]] == [
+        "still_life_right.png (stitched)",
+        "Background (stitched)",
+    ]
+    assert [path["name"] for path in tree["paths"]] == ["Seam Background : still_life_right.png"]
+    strokes = run(gimp, stitched, HINTS, gimp.python(code=code, number=upper))
+    assert strokes == gimp.tree(image=stitched["image"])["layers"][1]["id"]
+
+
+def test_strokes_and_outlines_show_only_while_somebody_paints(gimp, stitched):
+    lower, upper = copies(gimp, stitched)
+    select = "image_of(number).select_rectangle(Gimp.ChannelOps.REPLACE, 5, 6, 70, 80)"
+    gimp.python(code=select, number=stitched["image"])
+    strokes = run(gimp, stitched, HINTS, upper)
+    outlines, hints = gimp.tree(image=stitched["image"])["layers"][:2]
+    assert outlines["name"] == "How far layers reach"
+    assert (hints["id"], hints["visible"], outlines["visible"]) == (strokes, True, True)
+    bounds = "answer = list(Gimp.Selection.bounds(image_of(number)))[2:]"
+    assert gimp.python(code=bounds, number=stitched["image"]) == [5, 6, 75, 86]
+    pixels, _ = gimp.pixels(outlines["id"], "R'G'B'A u8")
+    drawn = {tuple(colour) for colour in pixels[pixels[..., 3] > 0][:, :3].tolist()}
+    assert drawn == {(51, 108, 222), (240, 140, 20)}
+    # The left picture ends at x = 440, and the right one begins at 310.
+    for colour, edges in (((51, 108, 222), {0, 439}), ((240, 140, 20), {310, 810})):
+        columns = (pixels[250] == [*colour, 255]).all(axis=1).nonzero()[0]
+        assert set(columns.tolist()) == edges
+    run(gimp, stitched, RESTITCH, strokes)
+    after = gimp.tree(image=stitched["image"])["layers"]
+    assert (after[0]["id"], after[0]["visible"]) == (strokes, False)
+    assert after[1]["id"] == stitched["group"]
+    # Who has just painted keeps the colour.
+    run(gimp, stitched, HINTS, lower)
+    before = foreground(gimp)
+    assert run(gimp, stitched, HINTS, strokes) == strokes
+    assert foreground(gimp) == before
+    assert [one["visible"] for one in gimp.tree(image=stitched["image"])["layers"][:3]] == [True] * 3
+
+
+def test_a_stroke_where_a_layer_has_no_pixels_is_told(gimp, stitched):
+    _lower, upper = copies(gimp, stitched)
+    strokes = run(gimp, stitched, HINTS, upper)
+    fill(gimp, strokes, [280, 100, 60, 30], foreground(gimp))
+    assert said(gimp, stitched, strokes) == 1
+    assert said(gimp, stitched, strokes) == 0  # it has been told
+    run(gimp, stitched, HINTS, upper)
+    fill(gimp, strokes, [340, 360, 20, 30], foreground(gimp))
+    assert said(gimp, stitched, strokes) == 0
+
+
+def said(gimp, stitched, strokes):
+    """How often Re-stitch says that a layer has no pixels under a stroke."""
+    phrase = "“still_life_right.png” has no pixels"
+    before = gimp.log.read_text().count(phrase)
+    succeeded(gimp.run(procedure=RESTITCH, image=stitched["image"], layers=[strokes], mode="INTERACTIVE"))
+    return gimp.log.read_text().count(phrase) - before
+
+
+@pytest.fixture
+def wide(gimp, image, tmp_path):
+    """Two pictures on a canvas so large that a stroke concerns a window of it, stitched; twice."""
+    whole, offsets = photograph(1300, 2200), [(0, 0), (900, 40)]
+    files = []
+    for index, (x, y) in enumerate(offsets):
+        files.append(tmp_path / f"part{index}.png")
+        noise = np.random.default_rng(index).integers(0, 20, (1260, 1300, 3), np.uint8)
+        write_png(files[-1], whole[y : y + 1260, x : x + 1300] // 2 + noise)
+    made = []
+    for _ in range(2):
+        loaded = image(files, offsets=offsets)
+        options = {"blend": "feather", "blend-width": 6.0}
+        made.append({**loaded, "group": succeeded(gimp.stitch(loaded, options))["layer"]})
+    return made
+
+
+#: Forgets how far blending reaches, so that everything is sent.
+FORGET = """
+import json
+memory = json.loads(bytes(item(number).get_parasite("toposeam-seam").get_data()))
+memory["margin"] = None
+item(number).attach_parasite(Gimp.Parasite.new("toposeam-seam", 3, list(json.dumps(memory).encode())))
+"""
+#: The label map that is kept, and what is known of masks.
+KEPT = """
+import json, zlib
+memory = json.loads(bytes(item(number).get_parasite("toposeam-seam").get_data()))
+labels = bytes(item(number).get_parasite("toposeam-shown").get_data())
+memory["labels"].pop("file")
+answer = [zlib.crc32(labels), memory["labels"], memory["masks"], memory["margin"]]
+"""
+
+
+@pytest.mark.medium
+@pytest.mark.parametrize("on", ["hints", "mask"])
+def test_a_window_gives_what_everything_gives(gimp, wide, on):
+    found, row = [], 830
+    for stitched in wide:
+        lower, upper = copies(gimp, stitched)
+        column = int((mask_of(gimp, upper)[row - 40] > 0).nonzero()[0].min()) + 900
+        if on == "hints":
+            painted = run(gimp, stitched, HINTS, lower)
+            fill(gimp, painted, [column + 20, row, 30, 20], foreground(gimp))
+        else:
+            painted = gimp.python(code="answer = item(number).get_mask().get_id()", number=upper)
+            fill(gimp, painted, [column + 20 - 900, row - 40, 30, 20], [0])
+        # What lies far away in the layer of blended pixels stays if only a window is made anew.
+        blended = gimp.tree(image=stitched["image"])["layers"][-3]["children"][0]
+        assert blended["name"] == "Blended seams"
+        (x, y), first = blended["offsets"], stitched is wide[0]
+        fill(gimp, blended["id"], [0, 0, 3, 3], [9, 8, 7, 255])
+        if not first:
+            gimp.python(code=FORGET, number=stitched["group"])
+        run(gimp, stitched, RESTITCH, stitched["group"])
+        seen = gimp.projection(stitched["image"], "R'G'B'A u8")
+        assert bool((seen[y : y + 3, x : x + 3] == [9, 8, 7, 255]).all()) == first
+        seen[y : y + 3, x : x + 3] = 0
+        tree = gimp.tree(image=stitched["image"])
+        names = [one["name"] for one in tree["layers"]]
+        lines = [gimp.strokes(path=path["id"]) for path in tree["paths"]]
+        found.append((seen, names, lines, gimp.python(code=KEPT, number=stitched["group"])))
+        assert not mask_of(gimp, upper)[row - 40 : row - 20, column + 20 - 900 : column + 50 - 900].any()
+    np.testing.assert_array_equal(found[0][0], found[1][0])
+    assert found[0][1:] == found[1][1:]

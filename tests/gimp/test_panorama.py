@@ -35,7 +35,7 @@ def test_layers_on_each_other_become_a_cropped_panorama(gimp, opened):
     group = panorama(gimp, loaded, blend="none", **{"match-shading": False})
     after = gimp.tree(image=loaded["image"])
     assert after["layers"][0]["id"] == group
-    assert [child["name"].split(" #")[0] for child in after["layers"][0]["children"]] == [
+    assert [child["name"].removesuffix(" (stitched)") for child in after["layers"][0]["children"]] == [
         "right.png",
         "Background",
     ]

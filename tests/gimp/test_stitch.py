@@ -185,7 +185,7 @@ layer.levels(Gimp.HistogramChannel.VALUE, 0.0, 1.0, False, 1.0, 0.0, 0.8, False)
     tolerance = 0 if format_name.endswith("u8") else 1e-4
     np.testing.assert_allclose(seen[..., :3], expected.image, atol=tolerance, rtol=0)
     group, *originals = gimp.tree(image=loaded["image"])["layers"]
-    assert [child["name"].split(" #")[0] for child in group["children"]] == [
+    assert [child["name"].removesuffix(" (stitched)") for child in group["children"]] == [
         "Blended seams",
         "still_life_right.png",
         "Background",

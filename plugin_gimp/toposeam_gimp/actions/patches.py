@@ -59,6 +59,7 @@ def patch_selection(call: Call) -> Gimp.Layer:
                 undone.append(lambda: image.remove_layer(blended))
             seams = draw_seams(image, answer["seams"], undone, visible=options["show-seam"])
             kept = {name: options[name] for name in ("blend", "blend-width", "law")}
-            remember(folder, result, [result], seams, blended, {"kind": "patch", "options": kept}, answer)
+            about = {"kind": "patch", "options": kept, "names": [patch["name"]]}
+            remember(folder, result, [result], seams, blended, about, answer)
             image.set_selected_layers([result])
     return result

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from gi.repository import Gimp
 
 from toposeam_gimp.actions.below import picture_below
-from toposeam_gimp.actions.joining import draw_seams, put_mask, put_pixels, request_of
+from toposeam_gimp.actions.joining import draw_seams, put_mask, put_mask_part, put_pixels, request_of
+from toposeam_gimp.actions.windows import window_of
 from toposeam_gimp.engine.call import Call, renamed
+from toposeam_gimp.engine.folder import RequestFolder
 from toposeam_gimp.image import curves, hints, pixels
 from toposeam_gimp.image import path_choice as choosing
 from toposeam_gimp.image.layers import (
@@ -22,65 +24,132 @@ from toposeam_gimp.image.layers import (
     send_shown,
     stitched_group,
     sums_of,
+    under_masks,
 )
 from toposeam_gimp.texts import _
 
 
 def restitch(call: Call) -> Gimp.Layer:
     """Update a stitched group, or a patch, so that its seams follow its paths, the strokes of its hints, and
-    its painted masks.
+    its painted masks. Strokes are hidden then, and a mask that is selected stays so.
     """
     image = call.image
-    selected = chosen_layers(image, call.drawables)
+    selected = chosen_layers(image, under_masks(call.drawables))
     group, memory = stitched_group(image, selected)
-    layers = _layers_of(image, memory)
+    layers, strokes = _layers_of(image, memory), hints.hints_of(image, memory)
+    now: dict[str, Any] = {"masks": sums_of(layers), "strokes": pixels.tile_sums(strokes)}
     applied = _seams_to_apply(call, memory["seams"])
-    with request_of(image, layers, with_masks=False, of="restitch") as (folder, rasters):
-        shown = [pixels.send_mask(folder, layer, f"shown-{index}") for index, layer in enumerate(layers)]
-        kept = memory.get("masks") == sums_of(folder, layers, shown)
-        if memory["kind"] == "patch":
-            rasters.insert(0, picture_below(folder, image, layers[0], pixels.box_of(rasters[0])))
-            shown.insert(0, None)
-        strokes = hints.hints_of(image, memory)
-        request = {
-            "layers": rasters,
-            "shown": shown,
-            "masks_kept": kept,
-            "written": send_shown(folder, group, memory),
-            "hints": hints.send_hints(folder, strokes),
-            "colours": [colour for colour, _tag in hints.COLOURS][: len(rasters)],
-            "seams": applied,
-            "options": renamed(memory["options"]),
-        }
-        answer = call.ask(folder, {"operation": "restitch", **request})
-        with one_undo_step(image) as undone:
-            for layer, mask in zip(layers, answer["masks"][-len(layers) :], strict=True):
-                put_mask(folder, layer, mask)
-            old = memory["blended"] and image.get_layer_by_tattoo(memory["blended"])
-            if old:
-                image.remove_layer(old)
-            blended = put_pixels(folder, image, group, _("Blended seams"), answer.get("blended"))
-            seams = memory["seams"]
-            if answer["seams"] is not None:
-                seams = _redrawn(call, seams, answer["seams"], undone)
-            painted = None
-            if answer["hints"] is not None:
-                box = hints.canvas_of([layer for layer in (*layers, strokes) if layer is not None])
-                painted = hints.replace_hints(folder, image, group, strokes, answer["hints"], box)
-                call.tell(_("What you painted on masks is kept as strokes on the layer “Seam hints”."))
-            about = {"kind": memory["kind"], "options": memory["options"]}
-            remember(folder, group, layers, seams, blended, about, answer, painted or strokes)
-            paints = strokes is not None and strokes.get_id() in {layer.get_id() for layer in selected}
-            image.set_selected_layers([(painted or strokes) if paints else group])
+    bent = any(seam["touched"] for seam in applied)
+    window = None if bent else window_of(layers, strokes, memory, now)
+    for part in (window, None) if window else (None,):
+        sent = part and part.sent
+        with request_of(image, layers, with_masks=False, of="restitch", window=sent) as (folder, rasters):
+            names = memory.get("names") or [layer.get_name() for layer in layers]
+            for raster, name in zip(rasters, names, strict=True):
+                raster["name"] = name
+            shown = [
+                pixels.send_mask(folder, layer, f"shown-{index}", sent) for index, layer in enumerate(layers)
+            ]
+            if memory["kind"] == "patch":
+                rasters.insert(0, picture_below(folder, image, layers[0], pixels.box_of(rasters[0])))
+                shown.insert(0, None)
+            before = memory.get("strokes", {})
+            request = {
+                "layers": rasters,
+                "within": part and part.within,
+                "shown": shown,
+                "masks_kept": memory["masks"] == now["masks"],
+                "written": send_shown(folder, group, memory),
+                "hints": pixels.send_strokes(folder, strokes, now["strokes"], sent),
+                "news": strokes and pixels.changed_box(strokes, before, now["strokes"]),
+                "colours": [colour for colour, _tag in hints.COLOURS][: len(rasters)],
+                "seams": applied,
+                "options": renamed(memory["options"]),
+            }
+            answer = call.ask(folder, {"operation": "restitch", **request})
+            if answer.get("again"):
+                continue
+            with one_undo_step(image) as undone:
+                blended = _put(folder, call, group, layers, memory, answer, sent)
+                seams = memory["seams"]
+                if answer["seams"] is not None:
+                    seams = _redrawn(call, seams, answer["seams"], undone)
+                paints = strokes is not None and strokes.get_id() in {layer.get_id() for layer in selected}
+                if strokes is not None:
+                    hints.hide_reach(image, strokes)
+                    strokes.set_visible(False)
+                if answer["hints"] is not None:
+                    if strokes is None:
+                        call.tell(
+                            _("What you painted on masks is kept as strokes on the layer “Seam hints”.")
+                        )
+                    strokes = hints.replace_hints(folder, image, group, strokes, answer["hints"], layers)
+                    now["strokes"] = pixels.tile_sums(strokes)
+                now["masks"] = sums_of(layers, now["masks"] if sent else None, sent)
+                about = {"kind": memory["kind"], "options": memory["options"], "names": names, **now}
+                remember(folder, group, layers, seams, blended, about, answer, strokes)
+                _select_again(call, strokes if paints else group)
+            _tell_beyond(call, [raster["name"] for raster in rasters], answer["beyond"])
+            break
     return group
 
 
+def _put(
+    folder: RequestFolder,
+    call: Call,
+    group: Gimp.Layer,
+    layers: Sequence[Gimp.Layer],
+    memory: Mapping[str, Any],
+    answer: Mapping[str, Any],
+    sent: pixels.Box | None,
+) -> Gimp.Layer | None:
+    """Give the layers of a group their new masks, and it its blended pixels; or those within the box of the
+    canvas that was sent. Return the layer of blended pixels, if there is one.
+    """
+    for layer, mask in zip(layers, answer["masks"][-len(layers) :], strict=True):
+        box = pixels.common(pixels.layer_box(layer), sent)
+        if sent is None:
+            put_mask(folder, layer, mask)
+        elif box is not None:
+            put_mask_part(folder, layer, mask, box)
+    old = memory["blended"] and call.image.get_layer_by_tattoo(memory["blended"])
+    if sent is None and old:
+        call.image.remove_layer(old)
+        old = None
+    name = _("Blended seams")
+    return put_pixels(folder, call.image, group, name, answer.get("blended"), old) or old or None
+
+
+def _select_again(call: Call, usual: Gimp.Layer) -> None:
+    """Select the layers whose masks were selected, and these masks; or another layer if there were none."""
+    painted = [
+        layer
+        for layer, drawable in zip(under_masks(call.drawables), call.drawables, strict=True)
+        if layer is not drawable and layer.get_mask() is not None
+    ]
+    call.image.set_selected_layers(painted or [usual])
+    for layer in painted:
+        layer.set_edit_mask(True)
+
+
+def _tell_beyond(call: Call, names: Sequence[str], beyond: Sequence[int]) -> None:
+    """Say where strokes ask for a layer that has no pixels there."""
+    lost = [f"“{name}”" for name, count in zip(names, beyond, strict=True) if count]
+    if lost:
+        call.tell(
+            _(
+                "A part of your strokes lies where {names} has no pixels, so something else shows there; "
+                "Paint Seam Hints outlines how far each layer reaches."
+            ).format(names=", ".join(lost))
+        )
+
+
 def paint_hints(call: Call) -> Gimp.Layer:
-    """Select the layer of hints, on which people paint where each layer shall show, and a colour for it; make
-    it if there is none.
+    """Show and select the layer of hints, on which people paint where each layer shall show, and how far each
+    layer reaches; choose a colour, but for somebody who has just painted. Make the layer if there is none.
     """
     image = call.image
-    selected = chosen_layers(image, call.drawables)
+    selected = chosen_layers(image, under_masks(call.drawables))
     group, memory = stitched_group(image, selected)
     layers = _layers_of(image, memory)
     below = memory["kind"] == "patch"
@@ -95,14 +164,19 @@ def paint_hints(call: Call) -> Gimp.Layer:
     is_new = strokes is None
     with one_undo_step(image):
         if is_new:
-            strokes = hints.new_hints(image, group, hints.canvas_of(layers))
-            about = {"kind": memory["kind"], "options": memory["options"]}
+            boxes = [pixels.layer_box(layer) for layer in layers]
+            strokes = hints.new_hints(image, group, pixels.around(boxes))
+            kept = ("kind", "options", "names", "masks", "margin")
+            about = {name: memory[name] for name in kept if name in memory}
             remember(None, group, layers, memory["seams"], None, about, memory, strokes)
         for index, layer in enumerate(layers, start=int(below)):
             layer.set_color_tag(hints.COLOURS[index][1])
+        hints.show_reach(image, strokes, layers, int(below))
         strokes.set_visible(True)
         image.set_selected_layers([strokes])
     chosen = {layer.get_id() for layer in selected}
+    if strokes.get_id() in chosen:
+        return strokes
     meant = [index for index, layer in enumerate(layers) if layer.get_id() in chosen] or [len(layers) - 1]
     Gimp.context_set_foreground(hints.colour(meant[-1] + below))
     if len(layers) + below == 2:

@@ -77,14 +77,18 @@ def _joined(call: Call, options: Mapping[str, Any], selected: Gimp.Image | None)
             put_pixels(folder, image, group, _("Filled corners"), answer.get("filled"))
             seams = draw_seams(image, answer["seams"], undone, visible=options["show-seam"])
             kept = {"blend": answer["blend"], **{name: options[name] for name in ("blend-width", "law")}}
-            remember(folder, group, copies, seams, blended, {"kind": "group", "options": kept}, answer)
+            about = {"kind": "group", "options": kept, "names": [layer.get_name() for layer in used]}
+            remember(folder, group, copies, seams, blended, about, answer)
             for layer in layers if options["keep-layers"] else _others(layers, used):
                 undone.append(partial(layer.set_visible, layer.get_visible()))
                 layer.set_visible(False)
             _tell(call, layers, used, answer)
             result = group.merge() if options["merge"] else group
-            for layer in () if options["keep-layers"] else used:
-                image.remove_layer(layer)
+            if not options["keep-layers"]:
+                for layer in used:
+                    image.remove_layer(layer)
+                for copy, name in zip(() if options["merge"] else copies, about["names"], strict=False):
+                    copy.set_name(name)
             image.set_selected_layers([result])
     return result
 
@@ -108,7 +112,7 @@ def _group_of(
         if answer.get("places"):
             copy.set_offsets(*answer["places"][index])
         put_mask(folder, copy, answer["masks"][index])
-        copy.set_name(layer.get_name())
+        copy.set_name(_("{name} (stitched)").format(name=layer.get_name()))
     return group, copies
 
 

@@ -18,6 +18,17 @@ from toposeam_gimp.engine.setting_up import SettingUp, StoppedError, bundled, so
 from toposeam_gimp.texts import _  # noqa: E402
 
 _CHOOSE, _SET_UP = 1, 2
+#: What is fetched, and what it needs on the disk, MB.
+_FETCHED_MB, _SIZE_MB = 90, 370
+#: Width of the window, characters, so that it stays as it is.
+_WIDE = 60
+_STEPS = (
+    _("Step 1 of 3: a place for it is made …"),
+    _("Step 2 of 3: it is fetched, {fetched} of about {all} MB …"),
+    _("Step 3 of 3: it is installed …"),
+)
+#: Share of the time after which each step begins, and the end.
+_BEGINS = (0.0, 0.1, 0.7, 1.0)
 
 
 def has_engine() -> bool:
@@ -43,18 +54,19 @@ def _folder() -> Path:
 
 def _asked(reason: str) -> Path | None:
     """Explain what is missing; return the file from which to install an engine, None if the user declines."""
-    dialog = Gtk.MessageDialog(text=_("TopoSeam needs its engine"), message_type=Gtk.MessageType.QUESTION)
+    dialog = Gtk.MessageDialog(text=_("TopoSeam is set up once"), message_type=Gtk.MessageType.QUESTION)
     dialog.set_title("TopoSeam")
     wheel = bundled()
     offer = _(
-        "Or let the plug-in make a Python environment of its own in {folder}. That takes a few minutes "
-        "and some hundred megabytes; what TopoSeam builds on comes from the Python package index."
-    ).format(folder=_folder())
-    dialog.format_secondary_text(f"{reason}\n\n{offer}")
+        "It fetches what it needs from the Internet, about {fetched} MB, and puts it into {folder}, about "
+        "{size} MB. That takes some minutes. Nothing else on your computer changes, and pictures stay on it."
+    ).format(fetched=_FETCHED_MB, size=_SIZE_MB, folder=_folder())
+    dialog.format_secondary_text(offer if wheel is not None else f"{reason}\n\n{offer}")
     dialog.add_button(_("_Cancel"), Gtk.ResponseType.CANCEL)
-    dialog.add_button(_("_Choose TopoSeam…"), _CHOOSE)
-    if wheel is not None:
-        dialog.add_button(_("_Make It"), _SET_UP)
+    if wheel is None:
+        dialog.add_button(_("_Choose TopoSeam…"), _CHOOSE)
+    else:
+        dialog.add_button(_("_Set Up"), _SET_UP)
         dialog.set_default_response(_SET_UP)
     answer = dialog.run()
     dialog.destroy()
@@ -80,21 +92,25 @@ def _chosen() -> Path | None:
 
 
 def _made(source: Path) -> bool:
-    """Install the engine while a window shows it; return False if the user stopped it."""
+    """Install the engine while a window shows how far it is; return False if the user stopped it."""
     dialog = Gtk.Dialog(title="TopoSeam")
     dialog.add_button(_("_Cancel"), Gtk.ResponseType.CANCEL)
-    row = Gtk.Box(spacing=12, margin=18)
-    spinner = Gtk.Spinner()
-    spinner.start()
-    row.pack_start(spinner, False, False, 0)
-    row.pack_start(Gtk.Label(label=_("The engine is being made …")), False, False, 0)
-    dialog.get_content_area().add(row)
+    column = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, spacing=12, margin=18)
+    label, bar = Gtk.Label(xalign=0), Gtk.ProgressBar()
+    label.set_width_chars(_WIDE)
+    column.pack_start(label, False, False, 0)
+    column.pack_start(bar, False, False, 0)
+    dialog.get_content_area().add(column)
     dialog.show_all()
     setting_up, failures = SettingUp(), []
 
+    def show(step: int, fetched: float) -> None:
+        label.set_text(_STEPS[step].format(fetched=round(fetched), all=_FETCHED_MB))
+        bar.set_fraction(_shares(step, fetched))
+
     def work() -> None:
         try:
-            setting_up.make(_folder(), source)
+            setting_up.make(_folder(), source, lambda *now: GLib.idle_add(show, *now))
         except (EngineError, StoppedError) as error:
             failures.append(error)
         GLib.idle_add(dialog.response, Gtk.ResponseType.OK)
@@ -109,3 +125,9 @@ def _made(source: Path) -> bool:
         if isinstance(error, EngineError):
             raise error
     return not failures
+
+
+def _shares(step: int, fetched: float) -> float:
+    """Return the share of the work that is done, about, from the step and the megabytes fetched."""
+    begin, end = _BEGINS[step : step + 2]
+    return begin + (end - begin) * (min(fetched / _FETCHED_MB, 1.0) if step == 1 else 0.0)

@@ -24,7 +24,7 @@ from toposeam_gimp.engine.launching import WITH_USERS_PACKAGES, find_program, st
 from toposeam_gimp.sentences import in_gimps_words
 from toposeam_gimp.texts import _
 
-PROTOCOL = 4
+PROTOCOL = 5
 #: Silence after which the engine counts as hanging, s; it sends an event every two seconds.
 SILENCE_S = 300.0
 #: Name of the file for the engine's stderr in a request's folder.

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from toposeam_gimp import __version__
@@ -16,6 +17,8 @@ from toposeam_gimp.texts import _
 
 _LEAST = (3, 11)
 _ARCHIVES = (".whl", ".zip", ".gz")
+#: What pip says of each file that it fetches, and its size.
+_FETCHED = re.compile(r"(?:Downloading|Using cached) .*\((\d+(?:\.\d+)?) (kB|MB|GB)\)")
 _ASK = (
     "import importlib.util, toposeam, toposeam_engine;"
     "print(toposeam.__version__, importlib.util.find_spec('maxflow') is not None)"
@@ -63,8 +66,17 @@ class SettingUp:
         if self._process is not None and self._process.poll() is None:
             self._process.kill()
 
-    def make(self, folder: Path, source: Path) -> None:
+    def make(
+        self, folder: Path, source: Path, told: Callable[[int, float], object] = lambda _step, _size: None
+    ) -> None:
         """Make an environment in a folder, and record its Python as the engine's.
+
+        Parameters
+        ----------
+        folder, source : Path
+        told : callable
+            Called with the step that begins or goes on, 0 for the environment, 1 for what is fetched, 2 for
+            what is installed, and the megabytes fetched so far.
 
         Raises
         ------
@@ -78,9 +90,20 @@ class SettingUp:
         folder = folder.absolute()
         python = folder / ("Scripts/python.exe" if sys.platform == "win32" else "bin/python")
         try:
+            told(0, 0.0)
             self._run([*self._python(), *ISOLATED, "-m", "venv", "--clear", str(folder)])
-            pip = [str(python), *ISOLATED, "-m", "pip", "install", "--disable-pip-version-check"]
-            self._run([*pip, f"{source.absolute()}[cli]"])
+            pip = [str(python), "-u", *ISOLATED, "-m", "pip", "install", "--disable-pip-version-check"]
+            step, fetched = 1, 0.0
+
+            def heard(line: str) -> None:
+                nonlocal step, fetched
+                if found := _FETCHED.search(line):
+                    fetched += float(found[1]) / {"kB": 1000, "MB": 1, "GB": 0.001}[found[2]]
+                step = 2 if line.startswith("Installing collected") else step
+                told(step, fetched)
+
+            told(step, fetched)
+            self._run([*pip, f"{source.absolute()}[cli]"], heard)
             version, maxflow = self._run([str(python), *WITH_USERS_PACKAGES, "-c", _ASK]).split()[-2:]
             if version != __version__:
                 text = _("{source} is TopoSeam {other}, and the plug-in is of {own}; take the same release.")
@@ -111,12 +134,18 @@ class SettingUp:
             ).format(least=".".join(map(str, _LEAST)))
         )
 
-    def _run(self, command: Sequence[str]) -> str:
-        """Run a program to its end; return its output."""
+    def _run(self, command: Sequence[str], heard: Callable[[str], object] = lambda _line: None) -> str:
+        """Run a program to its end; return its output, each line of which is passed on."""
+        said = ""
         with started(command, stderr=subprocess.STDOUT) as self._process:
             if self._stopped:
                 self._process.kill()
-            said = self._process.communicate()[0].decode("utf-8", errors="replace")
+            if self._process.stdout is not None:
+                with self._process.stdout:
+                    for line in self._process.stdout:
+                        said += line.decode("utf-8", errors="replace")
+                        heard(line.decode("utf-8", errors="replace"))
+            self._process.wait()
         if self._stopped:
             raise StoppedError
         if self._process.returncode != 0:

@@ -10,21 +10,14 @@ from gi.repository import Gegl, Gimp
 from toposeam_gimp.engine.folder import RequestFolder
 from toposeam_gimp.image import pixels
 from toposeam_gimp.image.layers import HINTS_PARASITE, KEPT
+from toposeam_gimp.image.reach import draw_reach
+from toposeam_gimp.image.seam_colours import COLOURS as COLOURS
 from toposeam_gimp.texts import _
 
-#: Colours of strokes, 8 bits, and the equal colour tags in the Layers dialog, from the lowest layer on.
-COLOURS = (
-    ((51, 108, 222), Gimp.ColorTag.BLUE),
-    ((240, 140, 20), Gimp.ColorTag.ORANGE),
-    ((60, 170, 60), Gimp.ColorTag.GREEN),
-    ((140, 70, 200), Gimp.ColorTag.VIOLET),
-    ((235, 210, 40), Gimp.ColorTag.YELLOW),
-    ((215, 40, 50), Gimp.ColorTag.RED),
-    ((120, 75, 35), Gimp.ColorTag.BROWN),
-    ((128, 128, 128), Gimp.ColorTag.GRAY),
-)
 #: Opacity of the layer of strokes, %, so that the picture is seen through it.
 _OPACITY = 60.0
+#: Name of the parasite on a layer of strokes: the tattoo of the layer with the outlines.
+_REACH_PARASITE = "toposeam-reach"
 
 
 def hints_of(image: Gimp.Image, memory: dict[str, Any]) -> Gimp.Layer | None:
@@ -45,35 +38,51 @@ def new_hints(image: Gimp.Image, group: Gimp.Layer, box: pixels.Box) -> Gimp.Lay
     return layer
 
 
-def canvas_of(layers: Sequence[Gimp.Layer]) -> pixels.Box:
-    """Return the box of the canvas that layers cover."""
-    boxes = [(*pixels.place_of(layer), layer.get_width(), layer.get_height()) for layer in layers]
-    left, top = min(box[0] for box in boxes), min(box[1] for box in boxes)
-    right, bottom = max(box[0] + box[2] for box in boxes), max(box[1] + box[3] for box in boxes)
-    return left, top, right - left, bottom - top
-
-
-def send_hints(folder: RequestFolder, layer: Gimp.Layer | None) -> dict[str, Any] | None:
-    """Write the strokes into a folder."""
-    return None if layer is None else pixels.send_strokes(folder, layer, "hints")
-
-
 def replace_hints(
     folder: RequestFolder,
     image: Gimp.Image,
     group: Gimp.Layer,
     old: Gimp.Layer | None,
     raster: dict[str, Any],
-    box: pixels.Box,
+    layers: Sequence[Gimp.Layer],
 ) -> Gimp.Layer:
-    """Replace the layer of strokes by that of a raster; the undo step keeps the old layer."""
+    """Replace the layer of strokes by one with those of a raster, too; the undo step keeps the old layer."""
+    box = pixels.around([pixels.layer_box(layer) for layer in (*layers, *([old] if old else []))])
     layer = new_hints(image, group, box)
-    pixels.receive_strokes(folder, layer, raster)
+    at = raster["at"][0] - box[0], raster["at"][1] - box[1]
+    left, top = box[:2] if old is None else pixels.place_of(old)
+    shift = left - box[0], top - box[1]
+    pixels.receive_onto(folder, raster, layer, pixels.Format.RGBA_U8.value, at, old, shift)
+    layer.set_visible(False)
     if old is not None:
-        layer.set_visible(old.get_visible())
         layer.set_opacity(old.get_opacity())
+        name = old.get_name()
         image.remove_layer(old)
+        layer.set_name(name)
     return layer
+
+
+def show_reach(image: Gimp.Image, strokes: Gimp.Layer, layers: Sequence[Gimp.Layer], first: int) -> None:
+    """Outline the pixels of each layer in its colour, on a layer above the strokes; `first` is the number of
+    the first colour.
+    """
+    hide_reach(image, strokes)
+    raster = {"width": image.get_width(), "height": image.get_height()}
+    outlines = pixels.new_layer(image, _("How far layers reach"), raster)
+    image.insert_layer(outlines, strokes.get_parent(), image.get_item_position(strokes))
+    draw_reach(outlines, layers, first)
+    outlines.set_lock_content(True)
+    mark = list(str(outlines.get_tattoo()).encode())
+    strokes.attach_parasite(Gimp.Parasite.new(_REACH_PARASITE, KEPT, mark))
+
+
+def hide_reach(image: Gimp.Image, strokes: Gimp.Layer) -> None:
+    """Remove the outlines of layers."""
+    mark = strokes.get_parasite(_REACH_PARASITE)
+    outlines = mark and image.get_layer_by_tattoo(int(bytes(mark.get_data())))
+    if outlines is not None:
+        image.remove_layer(outlines)
+        strokes.detach_parasite(_REACH_PARASITE)
 
 
 def colour(index: int) -> Gegl.Color:

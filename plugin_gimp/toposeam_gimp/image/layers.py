@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import json
-import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -49,6 +48,11 @@ def chosen_layers(image: Gimp.Image, drawables: Sequence[Gimp.Drawable]) -> list
             _("A mask or channel is selected; click on the layers themselves in the Layers dialog.")
         )
     return list(drawables)
+
+
+def under_masks(drawables: Sequence[Gimp.Drawable]) -> list[Gimp.Drawable]:
+    """Return the layers of masks, which are selected while somebody paints on them; others as they are."""
+    return [Gimp.Layer.from_mask(one) if isinstance(one, Gimp.LayerMask) else one for one in drawables]
 
 
 def lowest_first(image: Gimp.Image, layers: Sequence[Gimp.Layer]) -> list[Gimp.Layer]:
@@ -208,8 +212,9 @@ def remember(
 ) -> None:
     """Attach the record that Re-stitch needs to a stitched group or a patch; it is saved with the file.
 
-    `about` holds its kind and the options. The answer's label map is attached compressed, so that later
-    changes of masks are known; without a folder the old one stays.
+    `about` holds its kind, the options, the layers' names in those of seams, and perhaps the checksums of
+    strokes and masks. The answer's label map is attached compressed, so that later changes of masks are
+    known; without a folder the old one stays.
     """
     memory = {
         "version": _PARASITE_VERSION,
@@ -218,39 +223,39 @@ def remember(
         "blended": answer.get("blended") if folder is None else blended and blended.get_tattoo(),
         "hints": hints and hints.get_tattoo(),
         "labels": answer["labels"],
-        "masks": answer.get("masks") if folder is None else sums_of(folder, layers, answer["masks"]),
+        "margin": answer.get("margin"),
+        "masks": about.get("masks") or sums_of(layers),
         "seams": seams,
     }
     text = json.dumps(memory, separators=(",", ":"))
     group.attach_parasite(Gimp.Parasite.new(PARASITE, KEPT, list(text.encode())))
     if folder is not None:
         # GIMP's binding takes ASCII only.
-        packed = base64.b64encode(zlib.compress((folder.path / answer["labels"]["file"]).read_bytes(), 1))
+        packed = base64.b64encode((folder.path / answer["labels"]["file"]).read_bytes())
         group.attach_parasite(Gimp.Parasite.new(SHOWN_PARASITE, KEPT, list(packed)))
 
 
 def sums_of(
-    folder: RequestFolder, layers: Sequence[Gimp.Layer], masks: Sequence[dict[str, Any] | None]
-) -> list[list[int]]:
-    """Return the place of each layer and the checksum of its mask in a folder, which show whether masks were
-    painted.
+    layers: Sequence[Gimp.Layer], known: Sequence[Any] | None = None, window: pixels.Box | None = None
+) -> list[list[Any]]:
+    """Return the place of each layer and the checksums of its mask's tiles, which show whether and where it
+    was painted; beyond a window of the canvas the known ones are kept.
     """
-    return [
-        [
-            *pixels.place_of(layer),
-            0 if mask is None else zlib.crc32((folder.path / mask["file"]).read_bytes()),
-        ]
-        for layer, mask in zip(layers, masks[-len(layers) :], strict=True)
-    ]
+    found = []
+    for index, layer in enumerate(layers):
+        (left, top), mask = pixels.place_of(layer), layer.get_mask()
+        box = window and (window[0] - left, window[1] - top, *window[2:])
+        found.append([left, top, pixels.tile_sums(mask, known[index][2] if known else None, box)])
+    return found
 
 
 def send_shown(folder: RequestFolder, group: Gimp.Layer, memory: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Write the label map of the time when the masks were written; None if it is unknown."""
+    """Write the packed label map of the time when the masks were written; None if it is unknown."""
     packed = group.get_parasite(SHOWN_PARASITE)
     if packed is None:
         return None
-    (folder.path / "written.raw").write_bytes(zlib.decompress(base64.b64decode(bytes(packed.get_data()))))
-    return {**memory["labels"], "file": "written.raw"}
+    (folder.path / "written.z").write_bytes(base64.b64decode(bytes(packed.get_data())))
+    return {**memory["labels"], "file": "written.z"}
 
 
 def stitched_group(image: Gimp.Image, layers: Sequence[Gimp.Layer]) -> tuple[Gimp.Layer, dict[str, Any]]:

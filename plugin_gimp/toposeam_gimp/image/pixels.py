@@ -4,6 +4,8 @@ space.
 
 from __future__ import annotations
 
+import zlib
+from collections.abc import Iterable, Mapping, Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
@@ -132,6 +134,23 @@ def send_whole(
     return raster
 
 
+def layer_box(layer: Gimp.Layer) -> Box:
+    """Return the left, top, width and height of a layer on the canvas."""
+    return (*place_of(layer), layer.get_width(), layer.get_height())
+
+
+def around(boxes: Sequence[Box]) -> Box:
+    """Return the box round all boxes."""
+    left, top = (min(box[axis] for box in boxes) for axis in (0, 1))
+    right, bottom = (max(box[axis] + box[axis + 2] for box in boxes) for axis in (0, 1))
+    return left, top, right - left, bottom - top
+
+
+def grown(box: Box, margin: int) -> Box:
+    """Return a box that reaches some px farther on all sides."""
+    return box[0] - margin, box[1] - margin, box[2] + 2 * margin, box[3] + 2 * margin
+
+
 def common(first: Box, second: Box | None) -> Box | None:
     """Return the intersection of two boxes; None if it is empty."""
     if second is None:
@@ -141,18 +160,24 @@ def common(first: Box, second: Box | None) -> Box | None:
     return (left, top, right - left, bottom - top) if right > left and bottom > top else None
 
 
-def send_mask(folder: RequestFolder, layer: Gimp.Layer, name: str) -> dict[str, Any] | None:
-    """Write the mask of a layer; None without one."""
-    mask = layer.get_mask()
-    return mask and _send(
-        folder,
-        mask,
-        f"{name}.raw",
-        Format.MASK_U8.value,
-        "uint8",
-        1,
-        (0, 0, layer.get_width(), layer.get_height()),
-    )
+def send_mask(
+    folder: RequestFolder, layer: Gimp.Layer, name: str, window: Box | None = None
+) -> dict[str, Any] | None:
+    """Write the mask of a layer, perhaps its part within a window of the canvas; None without one."""
+    (left, top), mask = place_of(layer), layer.get_mask()
+    part = common((left, top, layer.get_width(), layer.get_height()), window)
+    if mask is None or part is None:
+        return None
+    own = (part[0] - left, part[1] - top, *part[2:])
+    return _send(folder, mask, f"{name}.raw", Format.MASK_U8.value, "uint8", 1, own)
+
+
+def send_nothing(folder: RequestFolder, image: Gimp.Image, name: str, box: Box) -> dict[str, Any]:
+    """Write a transparent pixel in the place of a layer that lies outside a box."""
+    channels, dtype = (2 if image.get_base_type() == Gimp.ImageBaseType.GRAY else 4), depth(image)
+    (folder.path / f"{name}.raw").write_bytes(bytes(channels * _BYTES[dtype]))
+    shape = {"width": 1, "height": 1, "channels": channels, "dtype": dtype}
+    return {"file": f"{name}.raw", **shape, "name": name, "at": [box[0], box[1]]}
 
 
 def send_channel(folder: RequestFolder, channel: Gimp.Channel, name: str) -> dict[str, Any]:
@@ -180,45 +205,108 @@ def shows(layer: Gimp.Layer, box: Box | None = None) -> bool:
     return any(content[1::2])
 
 
-def send_strokes(folder: RequestFolder, layer: Gimp.Layer, name: str) -> dict[str, Any] | None:
-    """Write colours and opacity of a layer's strokes, 8 bits, and the place of their box; None if there are
-    none.
+def send_strokes(
+    folder: RequestFolder, layer: Gimp.Layer | None, sums: Mapping[str, int], window: Box | None
+) -> dict[str, Any] | None:
+    """Write colours and opacity of a layer's strokes, 8 bits, and the place of the box round their tiles,
+    perhaps within a window of the canvas; None if there are none.
     """
-    box = _painted(layer)
+    if layer is None or not sums:
+        return None
+    left, top = place_of(layer)
+    own = window and (window[0] - left, window[1] - top, *window[2:])
+    box = common(box_of_tiles(layer, sums), own)
     if box is None:
         return None
-    raster = _send(folder, layer, f"{name}.raw", Format.RGBA_U8.value, "uint8", 4, box)
-    left, top = place_of(layer)
+    raster = _send(folder, layer, "hints.raw", Format.RGBA_U8.value, "uint8", 4, box)
     return {**raster, "at": [left + box[0], top + box[1]]}
 
 
-def _painted(layer: Gimp.Layer) -> Box | None:
-    """Return a box, in the layer's own pixels, of all pixels that are not transparent black; None without
-    any.
+def tile_sums(
+    drawable: Gimp.Drawable | None, known: Mapping[str, int] | None = None, box: Box | None = None
+) -> dict[str, int]:
+    """Return the checksum of each tile of strokes or of a mask that is not blank, transparent black or white,
+    by the tile's corner in its own pixels, ``left,top``; empty without a drawable. Beyond a box of its pixels
+    the known ones are kept.
     """
-    buffer, whole = layer.get_buffer(), (0, 0, layer.get_width(), layer.get_height())
-    tiles = []
-    for top in range(0, whole[3], _TILE):
-        for left in range(0, whole[2], _TILE):
-            tile = common((left, top, _TILE, _TILE), whole) or whole
-            content = buffer.get(Gegl.Rectangle.new(*tile), 1.0, Format.RGBA_U8.value, Gegl.AbyssPolicy.NONE)
-            if content.count(0) < len(content):
-                tiles.append(tile)
-    if not tiles:
+    if drawable is None:
+        return {}
+    is_mask = isinstance(drawable, Gimp.LayerMask)
+    name, blank = (Format.MASK_U8.value, 255) if is_mask else (Format.RGBA_U8.value, 0)
+    sums, buffer = dict(known or {}), drawable.get_buffer()
+    for top in range(0, drawable.get_height(), _TILE):
+        for left in range(0, drawable.get_width(), _TILE):
+            corner = f"{left},{top}"
+            tile = box_of_tiles(drawable, [corner])
+            if common(tile, box) is None:
+                continue
+            content = buffer.get(Gegl.Rectangle.new(*tile), 1.0, name, Gegl.AbyssPolicy.NONE)
+            sums.pop(corner, None)
+            if content.count(blank) < len(content):
+                sums[corner] = zlib.crc32(content)
+    return sums
+
+
+def changed_box(drawable: Gimp.Drawable, before: Mapping[str, int], now: Mapping[str, int]) -> Box | None:
+    """Return a box of the canvas round the tiles of a mask whose checksums differ, or round the strokes in
+    such tiles; None if there are none.
+    """
+    changed = [tile for tile in {**before, **now} if before.get(tile) != now.get(tile)]
+    boxes = [box_of_tiles(drawable, [tile]) for tile in changed]
+    if isinstance(drawable, Gimp.Layer):
+        boxes = [box for tile in boxes if (box := _painted_in(drawable, tile)) is not None]
+    if not boxes:
         return None
-    left, top = (min(tile[axis] for tile in tiles) for axis in (0, 1))
-    right, bottom = (max(tile[axis] + tile[axis + 2] for tile in tiles) for axis in (0, 1))
+    (left, top), box = place_of(drawable), around(boxes)
+    return left + box[0], top + box[1], box[2], box[3]
+
+
+def _painted_in(layer: Gimp.Layer, box: Box) -> Box | None:
+    """Return the part of a box, in the layer's own pixels, that is not transparent; None if all is."""
+    place, name = Gegl.Rectangle.new(*box), Format.GRAYA_U8.value
+    opacity = layer.get_buffer().get(place, 1.0, name, Gegl.AbyssPolicy.NONE)[1::2]
+    lines = [opacity[row * box[2] : (row + 1) * box[2]] for row in range(box[3])]
+    rows = [row for row, line in enumerate(lines) if any(line)]
+    if not rows:
+        return None
+    together = 0
+    for row in rows:
+        together |= int.from_bytes(lines[row])
+    columns = [column for column, value in enumerate(together.to_bytes(box[2])) if value]
+    left, top = columns[0], rows[0]
+    return box[0] + left, box[1] + top, columns[-1] + 1 - left, rows[-1] + 1 - top
+
+
+def box_of_tiles(layer: Gimp.Drawable, corners: Iterable[str]) -> Box:
+    """Return the box round tiles, in the drawable's own pixels."""
+    places = [tuple(map(int, corner.split(","))) for corner in corners]
+    left, top = (min(place[axis] for place in places) for axis in (0, 1))
+    right = min(max(place[0] for place in places) + _TILE, layer.get_width())
+    bottom = min(max(place[1] for place in places) + _TILE, layer.get_height())
     return left, top, right - left, bottom - top
 
 
-def receive_strokes(folder: RequestFolder, layer: Gimp.Layer, raster: dict[str, Any]) -> None:
-    """Write a raster of colours and opacity into an inserted layer that covers its place."""
-    left, top = place_of(layer)
-    x, y = raster["at"]
-    box = Gegl.Rectangle.new(x - left, y - top, raster["width"], raster["height"])
-    layer.get_buffer().set(box, Format.RGBA_U8.value, (folder.path / raster["file"]).read_bytes())
-    layer.get_buffer().flush()
-    layer.update(box.x, box.y, box.width, box.height)
+def receive_onto(
+    folder: RequestFolder,
+    raster: dict[str, Any],
+    new: Gimp.Drawable,
+    format_name: str,
+    at: tuple[int, int],
+    old: Gimp.Drawable | None = None,
+    shift: tuple[int, int] = (0, 0),
+) -> None:
+    """Fill a new drawable with the pixels of an old one, moved by px, if there is one, and then a box that
+    begins at some px with those of a raster.
+    """
+    buffer = new.get_buffer()
+    if old is not None:
+        size = old.get_width(), old.get_height()
+        own, moved = Gegl.Rectangle.new(0, 0, *size), Gegl.Rectangle.new(*shift, *size)
+        old.get_buffer().copy(own, Gegl.AbyssPolicy.NONE, buffer, moved)
+    box = Gegl.Rectangle.new(*at, raster["width"], raster["height"])
+    buffer.set(box, format_name, (folder.path / raster["file"]).read_bytes())
+    buffer.flush()
+    new.update(0, 0, new.get_width(), new.get_height())
 
 
 def place_of(drawable: Gimp.Drawable) -> tuple[int, int]:

@@ -1,0 +1,17 @@
+"""Colours that stand for layers."""
+
+from __future__ import annotations
+
+from gi.repository import Gimp
+
+#: Colours of strokes, 8 bits, and the equal colour tags in the Layers dialog, from the lowest layer on.
+COLOURS = (
+    ((51, 108, 222), Gimp.ColorTag.BLUE),
+    ((240, 140, 20), Gimp.ColorTag.ORANGE),
+    ((60, 170, 60), Gimp.ColorTag.GREEN),
+    ((140, 70, 200), Gimp.ColorTag.VIOLET),
+    ((235, 210, 40), Gimp.ColorTag.YELLOW),
+    ((215, 40, 50), Gimp.ColorTag.RED),
+    ((120, 75, 35), Gimp.ColorTag.BROWN),
+    ((128, 128, 128), Gimp.ColorTag.GRAY),
+)

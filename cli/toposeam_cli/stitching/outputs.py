@@ -193,11 +193,11 @@ class Outputs:
     history: Path | None
     save_layout: Path | None
     report: Path | None
-    contact: Path | None
     as_json: bool
     force: bool
     quiet: bool
     verbose: bool = False
+    contact: Path | None = None
 
     @property
     def has_alpha(self) -> bool:

@@ -137,6 +137,21 @@ def test_a_saved_and_reopened_file_can_be_stitched_again(gimp, stitched, tmp_pat
     gimp.delete(image=number)
 
 
+def test_a_copy_of_a_group_does_not_change_the_group(gimp, stitched):
+    found = masks(gimp, stitched["image"])
+    code = """
+image, group = image_of(number), item(group)
+copy = group.copy()
+image.insert_layer(copy, None, 0)
+answer = copy.get_id()
+"""
+    copy = gimp.python(code=code, number=stitched["image"], group=stitched["group"])
+    refused(gimp, {**stitched, "layers": [copy]}, "This is a copy of a stitched group", RESTITCH)
+    gimp.python(code="image_of(number).remove_layer(item(copy))", number=stitched["image"], copy=copy)
+    for old, new in zip(found, masks(gimp, stitched["image"]), strict=True):
+        np.testing.assert_array_equal(old, new)
+
+
 def test_four_layers_again(gimp, image, tmp_path):
     files, offsets = crops(
         tmp_path, photograph(300, 340), [(0, 0), (150, 10), (20, 130), (140, 120)], 180, 160

@@ -219,6 +219,7 @@ def remember(
     memory = {
         "version": _PARASITE_VERSION,
         **about,
+        "group": group.get_tattoo(),
         "layers": [layer.get_tattoo() for layer in layers],
         "blended": answer.get("blended") if folder is None else blended and blended.get_tattoo(),
         "hints": hints and hints.get_tattoo(),
@@ -266,7 +267,10 @@ def stitched_group(image: Gimp.Image, layers: Sequence[Gimp.Layer]) -> tuple[Gim
         while item is not None:
             parasite = item.get_parasite(PARASITE)
             if parasite is not None:
-                return item, _memory(parasite)
+                memory = _memory(parasite)
+                if memory.get("group", item.get_tattoo()) != item.get_tattoo():
+                    raise RefusedError(_("This is a copy of a stitched group; stitch its layers again."))
+                return item, memory
             item = item.get_parent()
     raise RefusedError(
         _(

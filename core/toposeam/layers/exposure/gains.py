@@ -8,8 +8,10 @@ beyond white, the floats of all are taken for light itself and only multiplied.
 For each pair of overlapping layers and each channel the median of log a - log b over the pixels that both
 have, neither in the dark nor burnt out, is one equation log g_b - log g_a = median; the gains g solve all of
 them in the least-squares sense, weighted by pixels. The medians do not see what differs between the pictures
-themselves, as long as that is less than half of the overlap. Weighted by the layers' pixels the gains'
-geometric mean is 1, so that the whole keeps its brightness. Where an overlap is all dark or burnt out, the
+themselves, as long as that is less than half of the overlap. The whole keeps the
+brightness that most of it has: Huber's location of the logarithms of the gains, weighted by the layers'
+pixels, is 0. It is their mean where exposures are alike, and a dark picture among bright ones hardly darkens
+them. Where an overlap is all dark or burnt out, the
 exposures that the layers state are compared instead. What would go beyond white rolls off, in all
 layers alike, so that they still agree; what is burnt out stays white: scaled down, it would turn gray.
 
@@ -35,7 +37,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 from scipy import sparse
-from scipy.sparse import linalg
+from scipy.sparse import csgraph, linalg
 
 from toposeam.arrays import Floats, Image, Mask
 from toposeam.checks import check_choice
@@ -51,6 +53,8 @@ TELLING = float(decoded(0.04)), float(decoded(0.97))
 _SHOWING = TELLING[0], float(decoded(0.995))
 #: Largest gain, and the inverse of the least one: four stops.
 LARGEST_GAIN = 16.0
+#: Logarithms of gains that differ by less from the location of all are alike; rounds in which it is found.
+_ALIKE, _LOCATION_ROUNDS = 0.2, 30
 #: Floats are light itself when a larger share of a layer's pixels than the first lies beyond the second, in
 #: times white.
 _LINEAR_SHARE, _BEYOND_WHITE = 0.001, 1.05
@@ -94,7 +98,7 @@ class ToneSample(NamedTuple):
 def tone_gains(
     layers: Sequence[Layer], places: Sequence[Box], executor: Executor | None = None, linear: bool = False
 ) -> tuple[Floats, list[ToneSample]]:
-    """Find the gain of each layer and channel; their geometric mean, weighted by pixels, is 1.
+    """Find the gain of each layer and channel, after which the whole is as bright as most of its layers.
 
     Parameters
     ----------
@@ -122,6 +126,7 @@ def tone_gains(
     known = {(i, j): ratios for i in range(count) for j, ratios in zip(later[i], compared[i][0], strict=True)}
     samples = [sample for _, sample in compared]
     share = np.sqrt([max(1, sample.pixels) for sample in samples])
+    joined = list[tuple[int, int]]()
     for channel in range(channels):
         rows, values = [], []
         for (i, j), ratios in known.items():
@@ -131,10 +136,25 @@ def tone_gains(
                 row[i], row[j] = -1.0, 1.0
                 weight = np.sqrt(pixels)
                 rows.append(weight * row / share)
+                joined.append((i, j))
                 values.append(weight * ratio)
         if rows:  # of least norm: each joined group's weighted mean is 0
             logarithm[:, channel] = np.linalg.lstsq(np.array(rows), np.array(values), rcond=None)[0] / share
+    edges = sparse.coo_array((np.ones(len(joined)), np.array(joined, int).reshape(-1, 2).T), (count, count))
+    _, group = csgraph.connected_components(edges, directed=False)
+    bright = logarithm.mean(axis=1)
+    for members in (group == number for number in np.unique(group)):
+        logarithm[members] -= _location(bright[members], share[members] ** 2)
     return np.clip(np.exp(logarithm), 1 / LARGEST_GAIN, LARGEST_GAIN), samples
+
+
+def _location(values: Floats, weights: Floats) -> float:
+    """Return Huber's location of weighted values: their mean, but that outliers count less."""
+    location = 0.0
+    for _ in range(_LOCATION_ROUNDS):
+        counted = weights * np.minimum(1, _ALIKE / np.maximum(np.abs(values - location), 1e-12))
+        location = float(np.average(values, weights=counted))
+    return location
 
 
 def burnt_apart(layers: Sequence[Layer], places: Sequence[Box]) -> bool:

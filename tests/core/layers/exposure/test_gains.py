@@ -73,7 +73,7 @@ def test_overall_brightness_is_kept_whichever_layer_is_larger():
 
 
 @pytest.mark.parametrize("factor", [0.25, 4.0])
-def test_one_layer_of_another_exposure_hardly_changes_the_others(factor):
+def test_one_other_exposure_hardly_changes_the_rest(factor):
     light = np.random.default_rng(1).uniform(0.05, 0.2, (30, 260))
     parts = [light[:, at : at + 80] * (factor if at == 120 else 1) for at in range(0, 181, 60)]
     layers = [ts.Layer(rendered(part), at=(60 * k, 0)) for k, part in enumerate(parts)]

@@ -7,7 +7,6 @@ import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
 from PIL import Image, ImageDraw
 
 from toposeam.sentence import printable
@@ -73,12 +72,11 @@ def write_contact_sheet(path: Path, panoramas: Sequence[tuple[Path, str]], force
 def _small(file: Path, width: int) -> Image.Image:
     """Return a picture of any size and depth at most so wide, with its opacity."""
     vips = load_vips()
-    found = vips.Image.thumbnail(str(file), width, height=_HEIGHT * 2, size="down")
+    size = {"height": _HEIGHT * 2, "size": "down"}
+    found = vips.Image.new_from_file(str(file))
+    if found.interpretation == "b-w" and found.format == "float":  # of which libvips takes 255 for white
+        found = (255 * found).cast("uchar").thumbnail_image(width, **size)
+    else:
+        found = vips.Image.thumbnail(str(file), width, **size)
     found = found.colourspace("srgb")
-    pixels = np.asarray(found.numpy())
-    pixels = pixels.astype(np.uint8) if pixels.dtype != np.uint8 else pixels
-    if pixels.ndim == 2 or pixels.shape[2] == 1:
-        return Image.fromarray(pixels.reshape(pixels.shape[:2])).convert("RGBA")
-    if pixels.shape[2] == 2:
-        return Image.fromarray(pixels, "LA").convert("RGBA")
-    return Image.fromarray(pixels[..., :4]).convert("RGBA")
+    return Image.fromarray((found if found.hasalpha() else found.addalpha()).numpy())

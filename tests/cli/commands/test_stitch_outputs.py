@@ -244,3 +244,18 @@ def test_where_nothing_can_be_written_nothing_is_read(folder, toposeam, output, 
     """The output is judged first: the pictures are none, and that is not what is said."""
     (folder / "a.png").write_bytes(b"no picture")
     toposeam("stitch", "a.png", "b.png", "--overlap", "20", "-o", output).fails(phrase)
+
+
+@pytest.mark.parametrize("kind", ["uint8", "uint16", "float32"])
+@pytest.mark.parametrize("channels", [1, 3])
+def test_a_contact_sheet_shows_every_depth(folder, toposeam, kind, channels):
+    gray = np.full((60, 80) if channels == 1 else (60, 80, 3), 0.5) * {"uint8": 255, "uint16": 65535}.get(
+        kind, 1
+    )
+    for name in ("one.tif", "two.tif"):
+        write_picture(name, Picture(pixels=gray.astype(kind)))
+    words = "one.tif", "two.tif", "--offset", "40,0", "-o", "all.tif", "--contact", "sheet.png"
+    assert toposeam("stitch", *words).code == 0
+    middle = read_picture("sheet.png").pixels[24 + 30, 24 + 60]
+    assert len(set(middle.tolist())) == 1
+    assert 100 < middle[0] < 200  # floats are linear light where they have three channels

@@ -16,7 +16,7 @@ from toposeam_cli.files.writing import all_or_nothing, atomic_write, check_outpu
 from toposeam_cli.media.pictures.picture import write_picture
 from toposeam_cli.textures.game_engines import godot_set, tiled_set
 from toposeam_cli.textures.maps import Maps, suffix_of
-from toposeam_cli.textures.material_folder import kind_of, maps_of_all
+from toposeam_cli.textures.material_folder import kind_of, maps_of_all, weights_of
 from toposeam_cli.textures.options import alphas, read_sources
 
 #: The files of a set, besides those of further maps.
@@ -115,8 +115,6 @@ def tileset(
             "these first, or crop to what is opaque"
         )
     maps = Maps.read(also, normal, 2, round(max_megapixels * 1e6))
-    count = len(names)
-    weights = (1.0, *(1 / count for _ in range(count)))
     with share_bar(f"laying {output.name}", quiet) as progress:
         made = ts.texture.tile_set(
             [one.pixels for one in samples],
@@ -124,7 +122,7 @@ def tileset(
             variants=variants,
             seed=seed,
             progress=progress,
-            **maps.keywords(samples[0], weights),
+            **maps.keywords(samples[0], weights_of(len(names))),
         )
     called = [path.stem for path in (first, second)]
     with new_folder(output), all_or_nothing():

@@ -50,7 +50,7 @@ def summary_of_job(
     left out; and `groups`, the summaries of further pictures that ``--groups`` made. For pictures that are
     stored in files the optima are left out, as they take longer than the seams.
     """
-    rendered.verdicts()
+    rendered.verdicts()  # of the pixels that are there; the summary would render them again
     summary = rendered.composition.summary(optima=not job.stored)
     for index, place in enumerate(summary["layers"]):
         if aligned is not None:

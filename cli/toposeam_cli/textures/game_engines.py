@@ -12,8 +12,6 @@ import toposeam as ts
 from toposeam.colours import to_hex
 from toposeam.images import full_scale
 
-#: Tiles in a row of the sheet.
-_ACROSS = 4
 #: Where the corners top left, top right, bottom left and bottom right stand among the eight numbers that
 #: Tiled gives a tile, clockwise from its upper side, and what Godot calls them.
 _IN_TILED = (7, 1, 5, 3)
@@ -52,7 +50,7 @@ def tiled_set(tiles: ts.texture.TileSet, picture: str, names: Sequence[str]) -> 
         tilewidth=str(tiles.size),
         tileheight=str(tiles.size),
         tilecount=str(len(tiles.corners)),
-        columns=str(_ACROSS),
+        columns=str(width // tiles.size),
     )
     ElementTree.SubElement(root, "image", source=picture, width=str(width), height=str(height))
     sets = ElementTree.SubElement(root, "wangsets")
@@ -85,7 +83,7 @@ def godot_set(tiles: ts.texture.TileSet, picture: str, names: Sequence[str]) -> 
         f"texture_region_size = {size}",
     ]
     for number, corners in enumerate(tiles.corners.tolist()):
-        row, column = divmod(number, _ACROSS)
+        row, column = divmod(number, tiles.image.shape[1] // tiles.size)
         tile = f"{column}:{row}/0"
         lines += [f"{tile} = 0", f"{tile}/terrain_set = 0", f"{tile}/terrain = {int(sum(corners) >= 2)}"]
         lines += [

@@ -94,6 +94,11 @@ def maps_of(folder: Path) -> dict[str, Path]:
     return {kind: found[kind] for kind in _KINDS if kind in found}
 
 
+def weights_of(count: int) -> tuple[float, ...]:
+    """Return the weights of a picture and its further maps, which together count as much as the picture."""
+    return (1.0, *(1 / count for _ in range(count)))
+
+
 def maps_of_all(folders: Sequence[Path]) -> tuple[list[Path], list[Path], list[Path]]:
     """Find the albedos of materials, their further maps, and their normals: each map once per material.
 

@@ -44,7 +44,7 @@ from toposeam_cli.media.pictures.picture import (
     write_picture,
 )
 from toposeam_cli.textures.maps import Maps, map_outputs
-from toposeam_cli.textures.material_folder import maps_of_all
+from toposeam_cli.textures.material_folder import maps_of_all, weights_of
 
 
 class PatchType(click.ParamType):  # type: ignore[type-arg]
@@ -508,7 +508,7 @@ def unfolded(given: Sequence[Path], search: Search) -> tuple[tuple[Path, ...], S
         )
     pictures, also, normal = maps_of_all(folders)
     count = (len(also) + len(normal)) // len(folders)
-    weights = search.weights or (1.0, *(1 / count for _ in range(count)))
+    weights = search.weights or weights_of(count)
     named = dataclasses.replace(search, also=tuple(also), normal=tuple(normal), weights=weights)
     return tuple(pictures), named, pictures[0]
 

@@ -244,9 +244,9 @@ def sums_of(
     """
     found = []
     for index, layer in enumerate(layers):
-        (left, top), mask = pixels.place_of(layer), layer.get_mask()
-        box = window and (window[0] - left, window[1] - top, *window[2:])
-        found.append([left, top, pixels.tile_sums(mask, known[index][2] if known else None, box)])
+        box = pixels.in_own_pixels(layer, window)
+        sums = pixels.tile_sums(layer.get_mask(), known[index][2] if known else None, box)
+        found.append([*pixels.place_of(layer), sums])
     return found
 
 

@@ -139,6 +139,12 @@ def layer_box(layer: Gimp.Layer) -> Box:
     return (*place_of(layer), layer.get_width(), layer.get_height())
 
 
+def in_own_pixels(layer: Gimp.Layer, box: Box | None) -> Box | None:
+    """Return a box of the canvas in the pixels of a layer; None for None."""
+    left, top = place_of(layer)
+    return box and (box[0] - left, box[1] - top, box[2], box[3])
+
+
 def around(boxes: Sequence[Box]) -> Box:
     """Return the box round all boxes."""
     left, top = (min(box[axis] for box in boxes) for axis in (0, 1))
@@ -164,11 +170,9 @@ def send_mask(
     folder: RequestFolder, layer: Gimp.Layer, name: str, window: Box | None = None
 ) -> dict[str, Any] | None:
     """Write the mask of a layer, perhaps its part within a window of the canvas; None without one."""
-    (left, top), mask = place_of(layer), layer.get_mask()
-    part = common((left, top, layer.get_width(), layer.get_height()), window)
-    if mask is None or part is None:
+    mask, own = layer.get_mask(), in_own_pixels(layer, common(layer_box(layer), window))
+    if mask is None or own is None:
         return None
-    own = (part[0] - left, part[1] - top, *part[2:])
     return _send(folder, mask, f"{name}.raw", Format.MASK_U8.value, "uint8", 1, own)
 
 
@@ -213,11 +217,10 @@ def send_strokes(
     """
     if layer is None or not sums:
         return None
-    left, top = place_of(layer)
-    own = window and (window[0] - left, window[1] - top, *window[2:])
-    box = common(box_of_tiles(layer, sums), own)
+    box = common(box_of_tiles(layer, sums), in_own_pixels(layer, window))
     if box is None:
         return None
+    left, top = place_of(layer)
     raster = _send(folder, layer, "hints.raw", Format.RGBA_U8.value, "uint8", 4, box)
     return {**raster, "at": [left + box[0], top + box[1]]}
 

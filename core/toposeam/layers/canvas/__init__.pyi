@@ -1,5 +1,5 @@
 from .border_bands import full_within, rim, rimmed
-from .canvas import Canvas, channel_count, common_canvas, extent_of, paint
+from .canvas import Canvas, channel_count, common_canvas, extent_of, groups, paint
 from .cylinder import Turned, narrowed, turned, turned_map
 from .largest_rectangle import largest_full
 from .layer import MAX_MEGAPIXELS, Box, Layer, as_layers, check_layers, cut
@@ -92,6 +92,7 @@ __all__ = [
     "fitted_transforms",
     "full_within",
     "ground",
+    "groups",
     "inside",
     "interpolated",
     "is_empty",

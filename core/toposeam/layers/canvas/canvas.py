@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 
-from toposeam.arrays import Image, Labels, Mask
+from toposeam.arrays import Image, Indices, Labels, Mask
 from toposeam.checks import check_items, check_number, check_whole
 from toposeam.errors import ImageError, OptionError, OverlapError, Term
 from toposeam.images import full_scale
@@ -379,3 +381,10 @@ def channel_count(layers: Sequence[Layer]) -> int | None:
     if wide:
         return wide.pop()
     return None if all(layer.image.ndim == 2 for layer in layers) else 1
+
+
+def groups(count: int, pairs: Iterable[tuple[int, int]]) -> Indices:
+    """Label the groups of layers that pairs join: (N,)."""
+    i, j = np.array(list(pairs), np.intp).reshape(-1, 2).T
+    graph = csr_array((np.ones(len(i)), (i, j)), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1], np.intp)

@@ -287,10 +287,8 @@ class Composition(PictureResult):
             verdicts = {pair: figures.verdict for pair, figures in self.figures(executor).items()}
             known = {pair: verdict for pair, verdict in verdicts.items() if verdict is not None}
             stored = any(isinstance(layer.image, Windows) for layer in self.layers)
-            if window is None:
-                whole = (lambda *at: self.window(*at)[0]) if stored else (lambda *at: self.image[at])
-            canvas, view = self.canvas.cut_open(), self.view
-            judged = with_steps(canvas, self.solution.labels, view, window or whole, known)
+            window = window or (lambda *at: self.window(*at)[0] if stored else self.image[at])
+            judged = with_steps(self.canvas.cut_open(), self.solution.labels, self.view, window, known)
             self.__dict__["_verdicts"] = judged if len(known) == len(verdicts) else {}
         found: Mapping[Pair, Verdict] = self.__dict__["_verdicts"]
         return found

@@ -18,14 +18,14 @@ from toposeam.layers.execution.tasks import Executor
 from toposeam.layers.labelling.label_map import Pair
 from toposeam.optimize.history import Termination
 from toposeam.seam.result.seam import Seam
-from toposeam.seam.result.verdict import STEP_REACH, Verdict, steps_beside
+from toposeam.seam.result.verdict import STEP_REACH, Verdict, adjoining, steps_beside
 from toposeam.vector.polyline import Polyline
 
 if TYPE_CHECKING:
     from toposeam.layers.labelling.problem import Labelling
 
 #: Most blocks in which the steps along seams are measured; of more, some are taken.
-MOST_BLOCKS = 64
+_MOST_BLOCKS = 64
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -132,14 +132,14 @@ def with_steps(
     steps = {pair: [np.zeros((0, 3))] for pair in verdicts}
     shown = view.shared(canvas.box)
     found = list(several(labels, shown, side=BLOCK)) if min(shown.shape) > 0 else []
-    for block in found[:: max(1, len(found) // MOST_BLOCKS)]:
+    for block in found[:: max(1, len(found) // _MOST_BLOCKS)]:
         part = labels[block.slices]
         here = set(np.unique(part).tolist())
         for pair in (pair for pair in verdicts if here.issuperset(pair)):
-            box = _beside(part, pair)
-            if box is None:
+            border = adjoining(*(part == index for index in pair))
+            if not border.any():
                 continue
-            box = box.moved(*block[:2]).grown(STEP_REACH).shared(shown)
+            box = Box.of(*box_of(border)).moved(*block[:2]).grown(STEP_REACH).shared(shown)
             layers = [canvas.layers[index] for index in pair]
             places = [canvas.places[index] for index in pair]
             shows = labels[box.slices]
@@ -152,12 +152,3 @@ def with_steps(
             )
             steps[pair].append(np.add(beside, (box.left, box.top, 0)))
     return {pair: one.with_steps(np.concatenate(steps[pair])) for pair, one in verdicts.items()}
-
-
-def _beside(labels: Labels, pair: Pair) -> Box | None:
-    """Return the box of the pixels at which two layers adjoin."""
-    first, second = (labels == index for index in pair)
-    grown = np.zeros(labels.shape, bool)
-    for s, t in ((np.s_[:-1], np.s_[1:]), (np.s_[:, :-1], np.s_[:, 1:])):
-        grown[s] |= (first[s] & second[t]) | (second[s] & first[t])
-    return Box.of(*box_of(grown)) if grown.any() else None

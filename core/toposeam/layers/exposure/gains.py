@@ -8,12 +8,12 @@ beyond white, the floats of all are taken for light itself and only multiplied.
 For each pair of overlapping layers and each channel the median of log a - log b over the pixels that both
 have, neither in the dark nor burnt out, is one equation log g_b - log g_a = median; the gains g solve all of
 them in the least-squares sense, weighted by pixels. The medians do not see what differs between the pictures
-themselves, as long as that is less than half of the overlap. The whole keeps the
-brightness that most of it has: Huber's location of the logarithms of the gains, weighted by the layers'
-pixels, is 0. It is their mean where exposures are alike, and a dark picture among bright ones hardly darkens
-them. Where an overlap is all dark or burnt out, the
-exposures that the layers state are compared instead. What would go beyond white rolls off, in all
-layers alike, so that they still agree; what is burnt out stays white: scaled down, it would turn gray.
+themselves, as long as that is less than half of the overlap. The whole keeps the brightness that most of it
+has: Huber's location of the logarithms of the gains, weighted by the layers' pixels, is 0. It is their mean
+where exposures are alike, and a dark picture among bright ones hardly darkens them. Where an overlap is all
+dark or burnt out, the exposures that the layers state are compared instead. What would go beyond white rolls
+off, in all layers alike, so that they still agree; what is burnt out stays white: scaled down, it would turn
+gray.
 
 **Shading.** Lenses darken towards corners. A layer's field is the exponential of quadratic B-splines over
 3 × 3 cells, the same in all channels. It is the sum of three parts: the darkening round the middle of the
@@ -37,12 +37,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 from scipy import sparse
-from scipy.sparse import csgraph, linalg
+from scipy.sparse import linalg
 
 from toposeam.arrays import Floats, Image, Mask
 from toposeam.checks import check_choice
 from toposeam.images import Windows, check_values
-from toposeam.layers.canvas.canvas import extent_of
+from toposeam.layers.canvas.canvas import extent_of, groups
 from toposeam.layers.canvas.layer import Box, Layer, check_layers
 from toposeam.layers.execution.tasks import Executor, check_executor, results
 from toposeam.layers.exposure.linear_light import SPLINES, Field, Toned, decoded, light_of, weights_along
@@ -140,10 +140,8 @@ def tone_gains(
                 values.append(weight * ratio)
         if rows:  # of least norm: each joined group's weighted mean is 0
             logarithm[:, channel] = np.linalg.lstsq(np.array(rows), np.array(values), rcond=None)[0] / share
-    edges = sparse.coo_array((np.ones(len(joined)), np.array(joined, int).reshape(-1, 2).T), (count, count))
-    _, group = csgraph.connected_components(edges, directed=False)
-    bright = logarithm.mean(axis=1)
-    for members in (group == number for number in np.unique(group)):
+    group, bright = groups(count, joined), logarithm.mean(axis=1)
+    for members in (group == number for number in range(group.max() + 1)):
         logarithm[members] -= _location(bright[members], share[members] ** 2)
     return np.clip(np.exp(logarithm), 1 / LARGEST_GAIN, LARGEST_GAIN), samples
 

@@ -26,12 +26,13 @@ from toposeam.arrays import Floats, Image, Mask
 from toposeam.checks import check_items, check_whole
 from toposeam.errors import OverlapError
 from toposeam.images import all_of_squares, as_float, reduced
+from toposeam.layers.canvas.canvas import groups
 from toposeam.layers.canvas.layer import Box, Layer, check_layers, cut
 from toposeam.layers.execution.tasks import Executor, check_executor, results
 from toposeam.layers.labelling.label_map import Pair
 from toposeam.layers.registration.consensus import evidence_of, vote
 from toposeam.layers.registration.features import CONTENT_BLUR, gray_of
-from toposeam.layers.registration.pair_matching import LEAST_CORRELATION, Match, groups
+from toposeam.layers.registration.pair_matching import LEAST_CORRELATION, Match
 from toposeam.layers.registration.pose_graph import least_squares
 from toposeam.layers.registration.refusals import named_pairs
 

@@ -22,8 +22,9 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
 from toposeam.arrays import Complexes, Floats
+from toposeam.layers.canvas.canvas import groups
 from toposeam.layers.labelling.label_map import Pair
-from toposeam.layers.registration.pair_matching import ELSEWHERE, Match, groups
+from toposeam.layers.registration.pair_matching import ELSEWHERE, Match
 from toposeam.layers.registration.pose_graph import (
     FREEDOMS,
     LARGEST_MISFIT,

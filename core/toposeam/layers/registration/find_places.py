@@ -25,6 +25,7 @@ import numpy.typing as npt
 from toposeam.arrays import Floats, Indices
 from toposeam.checks import check_choice, check_function, check_items, check_range, check_whole
 from toposeam.errors import OptionError, OverlapError, Term
+from toposeam.layers.canvas.canvas import groups
 from toposeam.layers.canvas.layer import Layer, as_layers
 from toposeam.layers.canvas.transforms import (
     PROJECTIONS,
@@ -47,7 +48,6 @@ from toposeam.layers.registration.pair_matching import (
     Kind,
     Match,
     PairMatcher,
-    groups,
     quarter_turns,
 )
 from toposeam.layers.registration.placement import (

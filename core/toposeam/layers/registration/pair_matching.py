@@ -12,8 +12,6 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 import scipy
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
 from toposeam.arrays import Complexes, Floats, Floats32, Indices, Mask
 from toposeam.heat.threads import one_thread
@@ -93,13 +91,6 @@ class Match:
     share: float = 1.0
     #: One standard deviation of each point, (M,), or of all, px.
     uncertainty: float | Floats = 1.0
-
-
-def groups(count: int, pairs: Iterable[Pair]) -> Indices:
-    """Label the groups of pictures that pairs join: (N,)."""
-    i, j = np.array(list(pairs), np.intp).reshape(-1, 2).T
-    graph = csr_array((np.ones(len(i)), (i, j)), shape=(count, count))
-    return np.asarray(connected_components(graph, directed=False)[1], np.intp)
 
 
 def _digest(picture: Layer) -> bytes:

@@ -24,6 +24,7 @@ import scipy
 
 from toposeam.arrays import Floats
 from toposeam.heat.threads import one_thread
+from toposeam.layers.canvas.canvas import groups
 from toposeam.layers.canvas.transforms import (
     NOWHERE,
     CameraTransform,
@@ -46,7 +47,7 @@ from toposeam.layers.registration.bundle_adjustment import (
 from toposeam.layers.registration.consensus import divide_pairs, placed_elsewhere
 from toposeam.layers.registration.features import FeatureSet
 from toposeam.layers.registration.homography import applied, least_squares_homography
-from toposeam.layers.registration.pair_matching import ELSEWHERE, GRID, Match, find_patches, groups
+from toposeam.layers.registration.pair_matching import ELSEWHERE, GRID, Match, find_patches
 from toposeam.layers.registration.placement import POORER_RATIO, Family
 
 #: Patches that a pair needs to be adjusted to these alone, and one standard deviation of one, px.

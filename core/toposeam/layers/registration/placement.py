@@ -10,7 +10,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from toposeam.arrays import Floats
-from toposeam.layers.canvas.canvas import extent_of
+from toposeam.layers.canvas.canvas import extent_of, groups
 from toposeam.layers.canvas.layer import Layer
 from toposeam.layers.canvas.transforms import (
     CameraTransform,
@@ -20,7 +20,7 @@ from toposeam.layers.canvas.transforms import (
     unbent,
 )
 from toposeam.layers.labelling.label_map import Pair
-from toposeam.layers.registration.pair_matching import LEAST_CORRELATION, groups
+from toposeam.layers.registration.pair_matching import LEAST_CORRELATION
 from toposeam.sentence import counted
 from toposeam.typing import MODELS as MODELS
 from toposeam.typing import Model as Model

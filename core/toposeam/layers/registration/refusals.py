@@ -10,11 +10,12 @@ import numpy as np
 
 from toposeam.arrays import Floats, Indices
 from toposeam.errors import OverlapError
+from toposeam.layers.canvas.canvas import groups
 from toposeam.layers.canvas.layer import Layer
 from toposeam.layers.labelling.label_map import Pair
 from toposeam.layers.registration.features import FeatureSet
 from toposeam.layers.registration.homography import LEAST_INLIERS
-from toposeam.layers.registration.pair_matching import Match, PairMatcher, at_one_place, groups
+from toposeam.layers.registration.pair_matching import Match, PairMatcher, at_one_place
 from toposeam.layers.registration.placement import NAMED, named_few
 from toposeam.sentence import counted
 

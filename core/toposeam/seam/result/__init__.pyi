@@ -2,7 +2,17 @@ from .apply import labels_from_paths
 from .drawing import draw_seams
 from .likeness import seam_verdict
 from .seam import Seam, apply_paths, knows_potential, potential_on_window, seam_of
-from .verdict import HALF_COST, SQUARE_PX, STEP_REACH, UNSEEN, Verdict, steps_beside, verdict_of, worst_of
+from .verdict import (
+    HALF_COST,
+    SQUARE_PX,
+    STEP_REACH,
+    UNSEEN,
+    Verdict,
+    adjoining,
+    steps_beside,
+    verdict_of,
+    worst_of,
+)
 
 __all__ = [
     "HALF_COST",
@@ -11,6 +21,7 @@ __all__ = [
     "UNSEEN",
     "Seam",
     "Verdict",
+    "adjoining",
     "apply_paths",
     "draw_seams",
     "knows_potential",

@@ -179,6 +179,16 @@ def worst_of(verdicts: Iterable[Verdict | None]) -> Verdict | None:
     return max(known, key=lambda verdict: verdict.visibility) if known and len(known) == len(found) else None
 
 
+def adjoining(first: Mask, second: Mask) -> Mask:
+    """(h, w) bool: the pixels of two sides that lie beside one of the other side."""
+    border = np.zeros(first.shape, bool)
+    for s, t in ((np.s_[:-1], np.s_[1:]), (np.s_[:, :-1], np.s_[:, 1:])):
+        across = (first[s] & second[t]) | (second[s] & first[t])
+        border[s] |= across
+        border[t] |= across
+    return border
+
+
 def steps_beside(
     shown: Image, pictures: Sequence[Image], covers: Sequence[Mask], sides: Sequence[Mask], white: float
 ) -> npt.NDArray[np.float64]:
@@ -207,23 +217,20 @@ def steps_beside(
     size = shown.shape[:2]
     there = [_halved(cover.astype(np.float32)) == 1 for cover in covers]
     first, second = (side[: 2 * size[0] : 2, : 2 * size[1] : 2] for side in sides)
-    border = np.zeros(size, bool)
-    for s, t in ((np.s_[:-1], np.s_[1:]), (np.s_[:, :-1], np.s_[:, 1:])):
-        across = (first[s] & second[t]) | (second[s] & first[t])
-        border[s] |= across
-        border[t] |= across
+    border = adjoining(first, second)
     if not border.any():
         return np.zeros((0, 3))
     distance, nearest = scipy.ndimage.distance_transform_edt(~border, return_indices=True)
     distance *= 2
     near = (first | second) & (distance >= _BANDS[0][0]) & (distance < STEP_REACH)
+    colours = _lab(shown[near])
     pieces = _Pieces(
         distance=distance[near],
         at=2 * nearest[:, near],
         beyond=second[near],
-        shown=_lab(shown[near]),
-        pictures=[_lab(one[near]) for one in pictures] or [np.zeros((1, 3), np.float32)],
-        there=[cover[near] for cover in there] or [np.ones(int(near.sum()), bool)],
+        shown=colours,
+        pictures=[_lab(one[near]) for one in pictures] or [np.zeros_like(colours)],
+        there=[cover[near] for cover in there] or [np.ones(len(colours), bool)],
         grain=[_grain(one)[near] for one in (shown, *pictures)],
     )
     return np.concatenate([pieces.steps(*band) for band in _BANDS])
@@ -260,8 +267,7 @@ class _Pieces:
         step = np.full(count, np.inf)
         for picture, there in zip(self.pictures, self.there, strict=True):
             known = there[band]
-            differs = shown - (picture[band] if len(picture) == len(band) else picture)
-            apart, varies = _middles(half[known], differs[known], 2 * count)
+            apart, varies = _middles(half[known], (shown - picture[band])[known], 2 * count)
             pixels = np.bincount(half[known], minlength=2 * count).reshape(count, 2).min(axis=1)
             change = apart[1::2] - apart[::2]
             seen: Floats = deltaE_ciede2000(middle[1::2], middle[1::2] - change)  # type: ignore[no-untyped-call]

@@ -132,7 +132,7 @@ def with_steps(
     steps = {pair: [np.zeros((0, 3))] for pair in verdicts}
     shown = view.shared(canvas.box)
     found = list(several(labels, shown, side=BLOCK)) if min(shown.shape) > 0 else []
-    for block in found[:: max(1, len(found) // _MOST_BLOCKS)]:
+    for block in found[:: -(-len(found) // _MOST_BLOCKS) or 1]:
         part = labels[block.slices]
         here = set(np.unique(part).tolist())
         for pair in (pair for pair in verdicts if here.issuperset(pair)):

@@ -35,7 +35,15 @@ _COUNTS, _WARM_COUNTS = (14, 10, 6), (0, 8, 5)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Growth:
-    """All layers after a step."""
+    """All layers after a step.
+
+    Examples
+    --------
+    >>> import toposeam as ts
+    >>> first = next(ts.motif.grow(ts.motif.random_recipe(96, layers=2, seed=7)))
+    >>> first.densities[0].shape, 0 < first.share < 1
+    ((48, 48), True)
+    """
 
     #: (h, w) float64 of each layer, on one plate; for hexagonal groups, on the lattice.
     densities: tuple[Floats, ...]

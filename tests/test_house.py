@@ -112,7 +112,8 @@ ARROWS = {
         "toposeam_cli.files",
         "toposeam_cli.media",
     },
-    "toposeam_engine": BELOW | {"toposeam", "toposeam.layers", "toposeam.texture", "toposeam.motif", "toposeam.volume"},
+    "toposeam_engine": BELOW
+    | {"toposeam", "toposeam.layers", "toposeam.texture", "toposeam.motif", "toposeam.volume"},
     "toposeam_gimp": set(),
 }
 #: Whatever the front ends have in common is below the commands; they may use all of it, and not each other.

@@ -9,6 +9,7 @@ from toposeam.motif.ink.svg import draw_svg as _draw_svg
 from toposeam.motif.join import border_mismatch as _border_mismatch
 from toposeam.motif.join import join_motifs as _join_motifs
 from toposeam.motif.motif import repeat_densities as _repeat_densities
+from toposeam.motif.optimise.growth import grow as _grow
 from toposeam.motif.recipe.simplify import simplify as _simplify
 from toposeam.motif.symmetry.borders import border_visibility as _border_visibility
 from toposeam.motif.symmetry.kaleidoscope import kaleidoscope as _kaleidoscope
@@ -25,6 +26,7 @@ class MotifVerb:
     from toposeam.motif.ink.svg import SvgOptions
     from toposeam.motif.join import JoinedMotifs
     from toposeam.motif.motif import Motif
+    from toposeam.motif.optimise.growth import Growth
     from toposeam.motif.optimise.layer import Step
     from toposeam.motif.recipe.recipe import LayerRecipe, Recipe
     from toposeam.motif.recipe.styles import STYLES, Style
@@ -35,6 +37,7 @@ class MotifVerb:
     border_mismatch = staticmethod(_border_mismatch)
     border_visibility = staticmethod(_border_visibility)
     draw_svg = staticmethod(_draw_svg)
+    grow = staticmethod(_grow)
     join_motifs = staticmethod(_join_motifs)
     kaleidoscope = staticmethod(_kaleidoscope)
     palette = staticmethod(_palette)

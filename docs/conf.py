@@ -160,6 +160,9 @@ def offered() -> dict[str, str]:
     return found
 
 
+#: Tables that are too long to be shown.
+LONG = {"motif.STYLES"}
+
 #: Figures that show what a function does.
 PICTURED = {
     "fill": "texture-fill.jpg",
@@ -210,7 +213,8 @@ def write_reference(folder: Path) -> None:
         lines += [*(f"   {_page(name)}" for name in listed), ""]
         for name, module in found:
             if name.split(".")[-1].isupper():
-                lines += [f".. autodata:: {module}.{name.split('.')[-1]}", ""]
+                lines += [f".. autodata:: {module}.{name.split('.')[-1]}"]
+                lines += ["   :no-value:", ""] if name in LONG else [""]
             else:
                 _write(folder / f"{_page(name)}.rst", _described(name))
         _write(folder / f"{page}.rst", "\n".join(lines))

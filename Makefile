@@ -25,7 +25,7 @@ $(READY): pyproject.toml
 	$(PIP) install --quiet --editable '.[test,bench,lint,docs]'
 	@touch $(INSTALLED) $@
 
-demo: $(INSTALLED)  ## join two photographs along a seam, into ./demo
+demo: $(INSTALLED)  ## run the main jobs on the samples, into ./demo, with a page of the pictures
 	$(BIN)/python samples/demo.py demo
 
 test: $(READY)  ## every test

@@ -30,7 +30,8 @@ def main() -> None:
     draw_jobs(jobs, DOCS / "figures/results-peers.png")
     draw_rings(rings((DOCS / "heat.md").read_text(encoding="utf-8")), DOCS / "figures/results-rings.png")
     lines = [
-        "| job | peer | error, or what shows: TopoSeam's ÷ the peer's | processor time, likewise |",
+        "| job | peer | error, or what shows: TopoSeam's ÷ the peer's "
+        "| processor time: TopoSeam's ÷ the peer's |",
         "|---|---|---:|---:|",
         *(f"| {job} | {peer} | {error or '–'} | {time:g} |" for job, peer, error, time in jobs),
     ]

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
+from toposeam import _kernels
 from toposeam.arrays import Floats32
 
 #: Side of a patch, and how far from its place likenesses are looked for, in reduced px.
@@ -81,6 +82,17 @@ def _distances(
 ) -> Floats32:
     """Compute the distance of each patch of two successive frames from its nearest likeness, (K, h, w)."""
     height, width = clip.shape[1:]
+    if _kernels.library is not None and min(height, width) >= _PATCH:
+        least = np.empty((len(places), height, width), np.float32)
+        first = np.cumsum([0, *map(len, moments)], dtype=np.int32)
+        frames, clip = np.ascontiguousarray(frames), np.ascontiguousarray(clip)
+        numbers = np.concatenate(moments).astype(np.int32)
+        sides = (len(places), height, width, _PATCH // 2, _REACH)
+        wanted = np.array(places, np.int32)
+        if _kernels.library.nearest_patches(*sides, frames, wanted, clip, first, numbers, least):
+            raise MemoryError
+        least /= 2
+        return np.sqrt(least, out=least)
     padded = np.pad(clip, ((0, 0), (_REACH, _REACH), (_REACH, _REACH)), mode="edge")
     size = (0, min(_PATCH, height), min(_PATCH, width))
     least = np.full((len(places), height, width), np.inf, np.float32)

@@ -90,7 +90,7 @@ class Sweeps:
             self.groups.move(self.filled, self.at, self.ahead)
 
     def _in_memory(self) -> list[int]:
-        """Return where the arrays, which are only changed in place, begin for the kernel; none without one."""
+        """Return where the arrays begin, for the kernel, as they are changed in place; none without one."""
         floats = [self.at, self.ahead, self.rate, *self.filled, *self.cost, *self.leaving]
         indices = [*self.lower, *self.upper]
         fit = all(

@@ -24,8 +24,8 @@ _CONTAINERS = (
 OPENED = {"format_whitelist": _CONTAINERS, "protocol_whitelist": "file"}
 #: Frames that are rather decoded than leapt over.
 _NEAR = 60
-#: Frames by which times may be out of order: frames are decoded as they are shown, but in AVI files with frames
-#: that refer to later ones (MPEG-4 ASP) FFmpeg guesses their times.
+#: Frames by which times may be out of order: frames are decoded as they are shown, but in AVI files with
+#: frames that refer to later ones (MPEG-4 ASP) FFmpeg guesses their times.
 _DISORDER = 4
 
 _Frame = npt.NDArray[np.uint8]

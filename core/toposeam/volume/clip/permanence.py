@@ -1,12 +1,12 @@
 """Things of a loop that appear or vanish in the picture, as none does in its clip.
 
-What moves before a calm ground is found by its difference from the median of the clip. While nothing appears
-or vanishes, the foreground of one frame can be carried to that of a later one, each pixel by no more than some
-reach. By Hall's theorem ("On representatives of subsets", J. London Math. Soc. 1935) that is possible only if
-no set of places holds more foreground than, in the other frame, the set widened by the reach. The sets that
-are tried are squares; how much more they hold is the area of what is missing, however slowly it dissolves. It
-is compared with the area that is missing thereabouts in the clip, where things go behind others, and with the
-foreground that is usual there, as in water.
+What moves before a calm ground is found by its difference from the median of the clip. While nothing
+appears or vanishes, the foreground of one frame can be carried to that of a later one, each pixel by no more
+than some reach. By Hall's theorem ("On representatives of subsets", J. London Math. Soc. 1935) that is
+possible only if no set of places holds more foreground than the widened set holds in the other frame. The
+sets that are tried are squares; how much more they hold is the area of what is missing, however slowly it
+dissolves. It is compared with the area that is missing thereabouts in the clip, where things go behind
+others, and with the foreground that is usual there, as in water.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from toposeam.arrays import Floats32, Mask
 _REACH, _SQUARES, _ABOUT = 0.05, (0.025, 0.05, 0.1), 0.06
 #: Frames between the two that are compared, about.
 _APART = (1, 4)
-#: Least difference from the ground that is foreground, as a share of white and as a multiple of the median one.
+#: Least difference from the ground that is foreground, as a share of white and as a multiple of the median.
 _LEAST_DIFFERENCE, _USUAL_DIFFERENCE = 0.06, 5.0
 #: Number of moments, about, whose median is the ground.
 _GROUND = 40
@@ -75,7 +75,9 @@ def missing(
             held = np.median(_held(clip, rows, columns, side, 0), axis=0)
             about = 2 * round(_ABOUT * max(height, width) / step) + 1
             own = [less.max(axis=0) for _, less in _losses(clip, frames, rows, columns, side, reach)]
-            known = ndimage.maximum_filter(np.maximum(own[0], own[1]), about) + held + _UNSEEN * height * width
+            known = (
+                ndimage.maximum_filter(np.maximum(own[0], own[1]), about) + held + _UNSEEN * height * width
+            )
             for at, less in _losses(loop, frames * lag, rows, columns, side, reach):
                 share = less / known
                 place = np.unravel_index(int(share.argmax()), share.shape)
@@ -99,7 +101,11 @@ def _sums(foreground: Mask) -> npt.NDArray[np.int32]:
 
 
 def _held(
-    sums: npt.NDArray[np.int32], rows: npt.NDArray[np.int_], columns: npt.NDArray[np.int_], side: int, reach: int
+    sums: npt.NDArray[np.int32],
+    rows: npt.NDArray[np.int_],
+    columns: npt.NDArray[np.int_],
+    side: int,
+    reach: int,
 ) -> npt.NDArray[np.int32]:
     """Return the foreground in squares that are widened by a reach."""
     low, high = sums[:, rows - reach], sums[:, rows + side + reach]

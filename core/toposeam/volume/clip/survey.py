@@ -19,14 +19,13 @@ from toposeam.volume.clip.frames import ClipFrames, reduced_shares
 _PIXELS, _MAX_COMPARED, _MIDDLE_PIXELS = 1500, 4e8, 3600
 #: Frames of long clips have fewer px each, so that all have about so many, but at least so many each.
 _MOST_PIXELS, _LEAST_PIXELS = 2e7, 100.0
-#: Longer side, px at most, of the moments that tell the motion of the camera and what comes and goes, and their
-#: number: at least so many of longer clips.
+#: Longer side, px at most, and number of the moments that tell what comes and goes, and the camera's motion.
 _MAX_SIDE, _MOMENTS = 320, 200
 #: Standard deviation, as a share of the longer side, of what is slow light, which patches are without.
 _SLOW = 0.1
 #: Mean step between frames that is a cut: as a multiple of the median, and as a share of white at least; the
-#: step of frames that are shown twice.
-_CUT_STEPS, _LEAST_CUT, _REPEATED = 5.0, 0.04, 0.002
+#: step of frames that are shown twice; number, and share, of other steps below which only cuts are steps.
+_CUT_STEPS, _LEAST_CUT, _REPEATED, _FEWEST_STEPS, _FEW_STEPS = 5.0, 0.04, 0.002, 3, 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -43,8 +42,8 @@ class Survey:
     middle_side: int
     #: (T, h, w): the same, gray and without slow light, in which patches are looked for.
     gray: Floats32
-    #: (N, h, w, C) uint8: moments, `lag` frames apart, of at most 320 px; and the side of their squares on the
-    #: working size.
+    #: (N, h, w, C) uint8: moments, `lag` frames apart, of at most 320 px; and the side of their squares on
+    #: the working size.
     moments: npt.NDArray[np.uint8]
     lag: int
     moment_side: int
@@ -73,9 +72,10 @@ class Survey:
 def cuts_of(small: Floats32) -> list[tuple[int, int]]:
     """Find the shots of small frames, (T, h, w, C)."""
     steps = np.abs(np.diff(small, axis=0)).mean(axis=(1, 2, 3))
-    # Of clips that show frames twice half of the steps are none.
+    # Of clips that show frames twice half of the steps are none; where hardly any is one, pictures stand.
     moved = steps[steps > _REPEATED]
-    least = max(_LEAST_CUT, _CUT_STEPS * float(np.median(moved)) if len(moved) else 0.0)
+    moves = len(moved) >= max(_FEWEST_STEPS, _FEW_STEPS * len(steps))
+    least = max(_LEAST_CUT, _CUT_STEPS * float(np.median(moved)) if moves else 0.0)
     cuts = [0, *(np.flatnonzero(steps > least) + 1).tolist(), len(small)]
     return list(itertools.pairwise(cuts))
 

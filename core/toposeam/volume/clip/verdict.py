@@ -13,9 +13,10 @@ has no steps, but is visible.
 
 *Things that appear or vanish*: :mod:`toposeam.volume.clip.permanence`.
 
-What is seen has an extent and a duration. Each of the first three is the greatest value that some connected region
-reaches everywhere whose area times duration is at least a fiftieth of a frame: a head for six frames counts,
-a speck does not, however large the rest of the picture may be. The verdict is the largest of the four.
+What is seen has an extent and a duration. Each of the first three is the greatest value that some connected
+region reaches everywhere whose area times duration is at least a fiftieth of a frame: a head for six frames
+counts, a speck does not, however large the rest of the picture may be. The verdict is the largest of the
+four.
 """
 
 from __future__ import annotations
@@ -39,8 +40,7 @@ from toposeam.volume.clip.survey import Survey, without_slow_light
 _MAX_SIDE, _SQUARE = 256, 4
 #: Steps, and added light, that even surroundings hide, as shares of white: added to the denominators.
 _HIDDEN_STEP, _HIDDEN_LIGHT = 0.02, 0.1
-#: Values of steps, strange patches, added light and missing area that are just visible; the verdict is in these
-#: units.
+#: Values of steps, strange patches, added light and missing area that are just visible, the verdict's units.
 _VISIBLE_STEPS, _VISIBLE_STRANGE, _VISIBLE_LIGHT, _VISIBLE_MISSING = 5.0, 1.2, 1.75, 1.6
 #: Least region that is seen: area × duration, as a share of a frame.
 _LEAST_REGION = 0.02
@@ -158,11 +158,11 @@ def judged(transition: Transition, survey: Survey) -> tuple[float, int, tuple[fl
         )
     ]
     if transition.moving.shape == survey.low.shape[:2]:  # on smaller frames small things are not seen
-        fine = survey.moment_side
-        on = reduced_shares(transition.moving[np.newaxis, ..., np.newaxis].astype(np.float32), fine, None) > 0.5
-        area, at, middle = missing(
-            reduced_shares(transition.made, fine, None), survey.moments, survey.lag, on[0, ..., 0]
+        shown, moves = (
+            reduced_shares(part, survey.moment_side, None)
+            for part in (transition.made, transition.moving[np.newaxis, ..., np.newaxis].astype(np.float32))
         )
+        area, at, middle = missing(shown, survey.moments, survey.lag, moves[0, ..., 0] > 0.5)
         found.append((area / _VISIBLE_MISSING, max(at - 1, 0), middle))
     shows, frame, where = max(found)
     return shows, min(frame, len(a) - 1), where

@@ -25,9 +25,9 @@ _PATCH, _REACH = 5, 1
 _APART = 3
 #: Number of moments, about, among which likenesses are looked for; and for which the clip's own distances are
 #: found, over the clip and in each stretch.
-_MOMENTS, _OWN = 40, (8, 4)
+MOMENTS, _OWN = 40, (8, 4)
 #: Quantile of the clip's own distances that is usual; and a distance, as a share of white, that nobody sees.
-_USUAL, _UNSEEN = 0.75, 0.02
+_USUAL, UNSEEN = 0.75, 0.02
 
 
 def strangeness(made: Floats32, clip: Floats32, leaves: int, enters: int) -> Floats32:
@@ -48,7 +48,7 @@ def strangeness(made: Floats32, clip: Floats32, leaves: int, enters: int) -> Flo
         Distance of the patches of two successive frames, as a multiple of what is usual there.
     """
     last = len(clip) - 2
-    spread = np.linspace(0, last, min(_MOMENTS, last + 1)).astype(int)
+    spread = np.linspace(0, last, min(MOMENTS, last + 1)).astype(int)
     around = np.arange(-1, 2)
     places = range(len(made) - 1)
     near = [np.clip([leaves + place - 1 + around, enters + place - 1 + around], 0, last) for place in places]
@@ -73,7 +73,7 @@ def strangeness(made: Floats32, clip: Floats32, leaves: int, enters: int) -> Flo
         return np.zeros_like(found)
     usual = _distances(clip, [moment for moment, _ in known], clip, [there for _, there in known])
     level = ndimage.maximum_filter(np.quantile(usual, _USUAL, axis=0), 3)
-    result: Floats32 = (found / (level + _UNSEEN)).astype(np.float32)
+    result: Floats32 = (found / (level + UNSEEN)).astype(np.float32)
     return result
 
 

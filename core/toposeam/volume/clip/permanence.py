@@ -18,15 +18,14 @@ import numpy.typing as npt
 from scipy import ndimage
 
 from toposeam.arrays import Floats32, Mask
+from toposeam.volume.clip.coherence import MOMENTS
 
-#: Reach of what moves, sides of the squares, and reach of "thereabouts", as shares of the longer side.
-_REACH, _SQUARES, _ABOUT = 0.05, (0.025, 0.05, 0.1), 0.06
-#: Frames between the two that are compared, about.
-_APART = (1, 4)
+#: Reach of what moves, and of "thereabouts", as a share of the longer side.
+_REACH = 0.05
+#: Frames between the two that are compared, about; successive ones are compared, too.
+_APART = 4
 #: Least difference from the ground that is foreground, as a share of white and as a multiple of the median.
 _LEAST_DIFFERENCE, _USUAL_DIFFERENCE = 0.06, 5.0
-#: Number of moments, about, whose median is the ground.
-_GROUND = 40
 #: Area that nobody misses, as a share of the frame.
 _UNSEEN = 3e-4
 
@@ -55,25 +54,25 @@ def missing(
     where : (float, float)
         Its row and column, as shares of the frame's height and width.
     """
-    ground = np.median(moments[:: max(1, len(moments) // _GROUND)], axis=0).astype(np.float32) / 255
+    ground = np.median(moments[:: max(1, len(moments) // MOMENTS)], axis=0).astype(np.float32) / 255
     apart = np.stack([_apart(moment.astype(np.float32) / 255, ground) for moment in moments])
     usual = ndimage.maximum_filter(np.median(apart, axis=0), 3)
     level = np.where(moving, np.maximum(_LEAST_DIFFERENCE, _USUAL_DIFFERENCE * usual), np.inf)
     clip = _sums(apart > level)
     loop = _sums(np.stack([_apart(frame, ground) for frame in made]) > level)
     height, width = moving.shape
+    reach = max(1, round(_REACH * max(height, width)))
     worst = (0.0, 0, (0.5, 0.5))
-    for frames in dict.fromkeys(max(1, round(apart / lag)) for apart in _APART):
+    for frames in {1, max(1, round(_APART / lag))}:
         if len(moments) <= frames or len(made) <= frames * lag:
             continue
-        for square in _SQUARES:
-            side, reach = (max(1, round(share * max(height, width))) for share in (square, _REACH))
+        for side in (max(1, reach // 2), reach, 2 * reach):
             step = max(1, side // 4)
             rows, columns = (np.arange(reach, size - side - reach + 1, step) for size in (height, width))
             if not len(rows) or not len(columns):
                 continue
             held = np.median(_held(clip, rows, columns, side, 0), axis=0)
-            about = 2 * round(_ABOUT * max(height, width) / step) + 1
+            about = 2 * round(reach / step) + 1
             own = [less.max(axis=0) for _, less in _losses(clip, frames, rows, columns, side, reach)]
             known = (
                 ndimage.maximum_filter(np.maximum(own[0], own[1]), about) + held + _UNSEEN * height * width

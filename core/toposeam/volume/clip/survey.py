@@ -24,8 +24,8 @@ _MAX_SIDE, _MOMENTS = 320, 200
 #: Standard deviation, as a share of the longer side, of what is slow light, which patches are without.
 _SLOW = 0.1
 #: Mean step between frames that is a cut: as a multiple of the median, and as a share of white at least; the
-#: step of frames that are shown twice; number, and share, of other steps below which only cuts are steps.
-_CUT_STEPS, _LEAST_CUT, _REPEATED, _FEWEST_STEPS, _FEW_STEPS = 5.0, 0.04, 0.002, 3, 0.1
+#: step of frames that are shown twice.
+_CUT_STEPS, _LEAST_CUT, _REPEATED = 5.0, 0.04, 0.002
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -72,10 +72,12 @@ class Survey:
 def cuts_of(small: Floats32) -> list[tuple[int, int]]:
     """Find the shots of small frames, (T, h, w, C)."""
     steps = np.abs(np.diff(small, axis=0)).mean(axis=(1, 2, 3))
-    # Of clips that show frames twice half of the steps are none; where hardly any is one, pictures stand.
+    # Of clips that show frames twice half of the steps are none; if all others are large, pictures stand
+    # between cuts: larger than where a lamp is lit.
     moved = steps[steps > _REPEATED]
-    moves = len(moved) >= max(_FEWEST_STEPS, _FEW_STEPS * len(steps))
-    least = max(_LEAST_CUT, _CUT_STEPS * float(np.median(moved)) if moves else 0.0)
+    large = 3 * _LEAST_CUT
+    stands = 2 * len(moved) < len(steps) and bool((moved > large).all())
+    least = large if stands else max(_LEAST_CUT, _CUT_STEPS * float(np.median(moved)))
     cuts = [0, *(np.flatnonzero(steps > least) + 1).tolist(), len(small)]
     return list(itertools.pairwise(cuts))
 

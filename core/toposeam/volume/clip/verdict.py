@@ -31,15 +31,15 @@ from scipy import ndimage
 from skimage.registration import phase_cross_correlation
 
 from toposeam.arrays import Floats32, Mask
-from toposeam.volume.clip.coherence import strangeness
+from toposeam.volume.clip.coherence import UNSEEN, strangeness
 from toposeam.volume.clip.frames import reduced_shares
 from toposeam.volume.clip.permanence import missing
 from toposeam.volume.clip.survey import Survey, without_slow_light
 
 #: Longer side, px at most, of the reduced frames that are judged, and side of the squares of steps and light.
 _MAX_SIDE, _SQUARE = 256, 4
-#: Steps, and added light, that even surroundings hide, as shares of white: added to the denominators.
-_HIDDEN_STEP, _HIDDEN_LIGHT = 0.02, 0.1
+#: Added light that even surroundings hide, as a share of white.
+_HIDDEN_LIGHT = 0.1
 #: Values of steps, strange patches, added light and missing area that are just visible, the verdict's units.
 _VISIBLE_STEPS, _VISIBLE_STRANGE, _VISIBLE_LIGHT, _VISIBLE_MISSING = 5.0, 1.2, 1.75, 1.6
 #: Least region that is seen: area × duration, as a share of a frame.
@@ -213,7 +213,7 @@ def step_visibility(made: Floats32, a: Floats32, b: Floats32) -> Floats32:
         )
         beyond = np.minimum(_norm(step - one), _norm(step - other))
         own = ndimage.uniform_filter(np.maximum(_norm(one), _norm(other)), (1, 5, 5))
-        found += np.square(beyond / (own + _HIDDEN_STEP))
+        found += np.square(beyond / (own + UNSEEN))
     return found
 
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from toposeam import _kernels
-from toposeam.volume.clip import coherence
-from toposeam.volume.clip.permanence import missing
+from toposeam.volume.clip import missing, strangeness
 
 SIZE = 90, 160
 SHOWN = np.ones(SIZE, bool)
@@ -80,6 +79,6 @@ def test_the_kernel_finds_the_likenesses_that_numpy_finds(monkeypatch):
     rng = np.random.default_rng(0)
     clip = rng.random((9, 12, 17), dtype=np.float32)
     made = rng.random((6, 12, 17), dtype=np.float32)
-    compiled = coherence.strangeness(made, clip, 5, 1)
+    compiled = strangeness(made, clip, 5, 1)
     monkeypatch.setattr(_kernels, "library", None)
-    np.testing.assert_allclose(compiled, coherence.strangeness(made, clip, 5, 1), rtol=1e-5)
+    np.testing.assert_allclose(compiled, strangeness(made, clip, 5, 1), rtol=1e-5)

@@ -54,7 +54,7 @@ ARROWS = {
     "toposeam.display": BASE,
     "toposeam.picture_files": BASE | {"toposeam.display", "toposeam.saving"},
     "toposeam._kernels": set(),
-    "toposeam.heat": {"toposeam.arrays", "toposeam.errors", "toposeam.checks"},
+    "toposeam.heat": {"toposeam._kernels", "toposeam.arrays", "toposeam.errors", "toposeam.checks"},
     "toposeam.optimize": {"toposeam.arrays", "toposeam.errors", "toposeam.checks"},
     "toposeam.vector": {
         "toposeam.arrays",

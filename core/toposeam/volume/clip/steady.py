@@ -153,6 +153,8 @@ def camera_path(gray: npt.NDArray[np.uint8], progress: Callable[[float], None] |
     origin = len(gray) // 2
     levels = [_places(frame) for frame in _blurred(gray[origin])]
     result = np.zeros((len(gray), 3))
+    if not len(levels[-1].shown):  # nothing steep, by which a motion would show
+        return result
     misfit = np.zeros(len(levels[-1].shown))
     done = 0
     for order in (range(origin + 1, len(gray)), range(origin - 1, -1, -1)):

@@ -111,7 +111,7 @@ def test_turning_there_and_back_hardly_changes_a_smooth_frame():
     assert np.abs(back - frame)[8:-8, 8:-8].max() < 0.02 * np.ptp(frame)
 
 
-@pytest.mark.parametrize("size", [(24, 1), (1, 24)])
-def test_a_clip_of_one_pixel_across_is_left_alone(size):
+@pytest.mark.parametrize("size", [(24, 1), (1, 24), (24, 2)])
+def test_clips_of_few_pixels_across_are_left_alone(size):
     clip = np.random.default_rng(0).random((16, *size))
     assert ts.loop(clip, length=(4, 6), stabilise=True).steadied is None

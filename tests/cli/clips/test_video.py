@@ -7,6 +7,7 @@ import pytest
 
 from toposeam.errors import ImageError
 from toposeam_cli.media.clips.reading import open_clip
+from toposeam_cli.media.clips.sound import looped_sound
 
 av = pytest.importorskip("av")
 
@@ -61,15 +62,6 @@ def _numbers(frames):
     return np.rint((frames[:, 8:24, 8:40].mean(axis=(1, 2, 3)) - 40) / 4).astype(int).tolist()
 
 
-def test_frames_an_avi_leaves_out_are_shown_again(tmp_path):
-    path = tmp_path / "thin.avi"
-    _write_avi(path, [0, 4, 5, 9, 10, 11, 17, 19], {"g": "1"})
-    clip = open_clip(path, None, 10**9, 0)
-    assert clip.rate == 20
-    shown = [0, 0, 0, 0, 1, 2, 2, 2, 2, 3, 4, 5, 5, 5, 5, 5, 5, 6, 6, 7]
-    assert _numbers(clip.frames[:]) == shown
-
-
 class _Swapped:
     """A container whose frames come as they are shown, with the times of neighbours exchanged."""
 
@@ -90,7 +82,14 @@ class _Swapped:
             yield from (one, other)
 
 
-def test_frames_whose_times_are_out_of_order_are_found(tmp_path, monkeypatch):
+def test_frames_of_an_avi_come_as_they_are_shown(tmp_path, monkeypatch):
+    """Also those that it leaves out, and those whose times are out of order."""
+    path = tmp_path / "thin.avi"
+    _write_avi(path, [0, 4, 5, 9, 10, 11, 17, 19], {"g": "1"})
+    clip = open_clip(path, None, 10**9, 0)
+    assert clip.rate == 20
+    shown = [0, 0, 0, 0, 1, 2, 2, 2, 2, 3, 4, 5, 5, 5, 5, 5, 5, 6, 6, 7]
+    assert _numbers(clip.frames[:]) == shown
     path = tmp_path / "packed.avi"
     _write_avi(path, range(40), {"g": "40"})
     opened = av.open
@@ -98,3 +97,32 @@ def test_frames_whose_times_are_out_of_order_are_found(tmp_path, monkeypatch):
     clip = open_clip(path, None, 10**9, 0)
     assert _numbers(clip.frames[:]) == list(range(40))
     assert _numbers(clip.frames[20:30]) == list(range(20, 30))
+
+
+def test_a_damaged_packet_of_sound_is_left_out(tmp_path):
+    path = tmp_path / "cut.avi"
+    with av.open(str(path), "w") as container:
+        pictures = container.add_stream("mpeg4", rate=25)
+        pictures.width, pictures.height, pictures.pix_fmt = 48, 32, "yuv420p"
+        sound = container.add_stream("ac3", rate=48000, layout="mono")
+        whole = True
+        for number in range(50):
+            gray = av.VideoFrame.from_ndarray(np.full((32, 48, 3), 99, np.uint8), format="rgb24")
+            container.mux(pictures.encode(gray))
+            tone = 0.5 * np.sin(2 * np.pi * 440 * np.arange(1920 * number, 1920 * (number + 1)) / 48000)
+            heard = av.AudioFrame.from_ndarray(tone[None].astype(np.float32), format="fltp", layout="mono")
+            heard.sample_rate, heard.pts, heard.time_base = 48000, 1920 * number, Fraction(1, 48000)
+            for packet in sound.encode(heard):
+                kept = packet
+                if whole:  # sound that was cut begins amid a packet
+                    kept = av.Packet(bytes(packet)[61:])
+                    kept.stream, kept.pts, kept.dts = sound, packet.pts, packet.dts
+                    kept.time_base, whole = packet.time_base, False
+                container.mux(kept)
+        container.mux(pictures.encode())
+        container.mux(sound.encode())
+    with av.open(str(path)) as container, pytest.raises(av.InvalidDataError):
+        list(container.decode(audio=0))
+    looped = looped_sound(path, Fraction(0), Fraction(25), [(30, 0)], 8)
+    assert looped.samples.shape == (1, 57600)
+    assert np.abs(looped.samples).mean() > 0.3

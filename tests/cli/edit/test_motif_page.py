@@ -12,9 +12,39 @@ pytest.importorskip("starlette")
 pytestmark = pytest.mark.slow
 SETTLED = "window.toposeam.share === 1 && !window.toposeam.fresh"
 #: A number that changes with what is printed on the cell.
-DIGEST = """(() => { const m = window.toposeam, c = Object.assign(document.createElement('canvas'), { width: 64, height: 64 });
-  m.pattern.thumb(m.cell, m.colours, c, 1); let sum = 7;
-  for (const v of c.getContext('2d').getImageData(0, 0, 64, 64).data) sum = (sum * 31 + v) % 1e9; return sum; })()"""
+DIGEST = """(() => {
+  const m = window.toposeam, c = Object.assign(document.createElement('canvas'), { width: 64, height: 64 });
+  m.pattern.thumb(m.cell, m.colours, c, 1);
+  let sum = 7;
+  for (const v of c.getContext('2d').getImageData(0, 0, 64, 64).data) sum = (sum * 31 + v) % 1e9;
+  return sum;
+})()"""
+#: Two copies across and down, or two tiles of a hexagonal rule, 256 px wide, as the screen shows them.
+SHOT = """(() => {
+  const m = window.toposeam, c = document.createElement('canvas');
+  c.width = 256;
+  c.height = Math.round(256 * (m.lattice.hexagonal ? Math.sqrt(3) : 1));
+  m.pattern.thumb(m.cell, m.colours, c, 2);
+  return [...c.getContext('2d').getImageData(0, 0, c.width, c.height).data];
+})()"""
+#: A source or a sink in the middle of the screen, and where it is there.
+SPOT = """(() => {
+  const m = window.toposeam;
+  for (const spot of m.copies()) {
+    const at = m.camera.toScreen(spot.x, spot.y);
+    if (at.x > 200 && at.x < 700 && at.y > 200 && at.y < 600) return { ...spot, at };
+  }
+})()"""
+#: How far the nearest copy of a source or sink is from a place on the screen, px.
+NEAREST = """([role, index, x, y]) => {
+  const m = window.toposeam, own = [...m.copies()].filter(spot => spot.role === role && spot.index === index);
+  const places = own.map(spot => m.camera.toScreen(spot.x, spot.y));
+  return Math.min(...places.map(at => Math.hypot(at.x - x, at.y - y)));
+}"""
+SMALL = """[...document.querySelectorAll('#tools button, #steps button')]
+  .filter(e => e.offsetHeight && Math.min(e.offsetHeight, e.offsetWidth) < 44).map(e => e.id)"""
+NAMELESS = """[...document.querySelectorAll('button, select, input, canvas[role], nav, [role=toolbar]')]
+  .filter(e => !(e.ariaLabel || e.labels?.length || e.textContent.trim())).map(e => e.outerHTML)"""
 
 
 @pytest.fixture
@@ -79,12 +109,7 @@ def test_the_screen_repeats_as_the_pattern_does(works, recipe, tmp_path, rule):
         page.keyboard.press("Tab")
         page.keyboard.press("Control+s")
         until(page, "document.querySelector('#say').className === 'good'")
-        page.evaluate(
-            "(() => { const m = window.toposeam, tall = m.lattice.hexagonal ? Math.sqrt(3) : 1;"
-            "const c = Object.assign(document.createElement('canvas'), { width: 256, height: Math.round(256 * tall) });"
-            "m.pattern.thumb(m.cell, m.colours, c, 2); window.shot = [...c.getContext('2d').getImageData(0, 0, c.width, c.height).data]; })()"
-        )
-        shot = np.array(page.evaluate("window.shot"), np.uint8).reshape(-1, 256, 4)[..., :3]
+        shot = np.array(page.evaluate(SHOT), np.uint8).reshape(-1, 256, 4)[..., :3]
         assert page.errors == []
     with Image.open(saved) as image:
         made = np.asarray(image.convert("RGB"))
@@ -134,21 +159,15 @@ def test_sources_walls_and_eraser_on_the_cell(works, recipe):
         until(page, "window.toposeam.state.walls.length === 0")
         until(page, f"{SETTLED} && ({DIGEST}) !== {before}")
         page.click("#hand")
-        spot = page.evaluate(
-            "(() => { const m = window.toposeam, s = [...m.copies()].map(s => [s, m.camera.toScreen(s.x, s.y)])"
-            ".find(([, p]) => p.x > 200 && p.x < 700 && p.y > 200 && p.y < 600);"
-            "return { ...s[0], at: s[1] }; })()"
-        )
+        spot = page.evaluate(SPOT)
         role, index = spot["role"], spot["index"]
         place = f"window.toposeam.state.layers[0].{role}[{index}].join()"
         was = page.evaluate(place)
         undo = page.evaluate("window.toposeam.state.undo")
-        drag(page, (spot["at"]["x"], spot["at"]["y"]), (spot["at"]["x"] + 60, spot["at"]["y"] + 25))
+        x, y = spot["at"]["x"], spot["at"]["y"]
+        drag(page, (x, y), (x + 60, y + 25))
         until(page, f"{place} !== '{was}' && window.toposeam.state.undo === {undo + 1}")
-        moved = page.evaluate(
-            f"Math.min(...[...window.toposeam.copies()].filter(s => s.role === '{role}' && s.index === {index})"
-            f".map(s => window.toposeam.camera.toScreen(s.x, s.y)).map(p => Math.hypot(p.x - {spot['at']['x'] + 60}, p.y - {spot['at']['y'] + 25})))"
-        )
+        moved = page.evaluate(NEAREST, [role, index, x + 60, y + 25])
         assert moved < 3
         assert page.errors == []
 
@@ -239,16 +258,8 @@ def test_every_screen_every_theme_and_keys_only(works, recipe):
                     assert min(left, top) >= 0
                     assert right <= width
                     assert bottom <= height
-                small = page.evaluate(
-                    "[...document.querySelectorAll('#tools button, #steps button')]"
-                    ".filter(e => e.offsetHeight && Math.min(e.offsetHeight, e.offsetWidth) < 44).map(e => e.id)"
-                )
-                assert small == []
-                names = page.evaluate(
-                    "[...document.querySelectorAll('button, select, input, canvas[role], nav, [role=toolbar]')]"
-                    ".filter(e => !(e.ariaLabel || e.labels?.length || e.textContent.trim())).map(e => e.outerHTML)"
-                )
-                assert names == []
+                assert page.evaluate(SMALL) == []
+                assert page.evaluate(NAMELESS) == []
                 if width < 700:
                     page.click("#list-shown")
                     assert page.is_visible("#style")

@@ -10,7 +10,7 @@ void main() { vec2 p = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4. - 1.; gl_Pos
 // Densities are interpolated by Catmull and Rom's cubic; strokes end where they cross a level.
 const PRINT = `#version 300 es
 precision highp float; precision highp int; precision highp sampler2DArray;
-uniform sampler2DArray density; uniform ivec2 shape; uniform vec2 size; uniform float middle, share; uniform int count, rule;
+uniform sampler2DArray density; uniform ivec2 shape; uniform vec2 size; uniform float share; uniform int count, rule;
 uniform float ends[${MOST}], gains[${MOST}], strokes[${MOST}], inked[${MOST}];
 layout(location = 0) out vec4 first; layout(location = 1) out vec4 second;
 int over(int a, int n) { return a >= 0 ? a / n : -((n - 1 - a) / n); }
@@ -27,7 +27,7 @@ vec4 cubic(float t) {
   return vec4(t * (-.5 + t * (1. - .5 * t)), 1. + t * t * (-2.5 + 1.5 * t), t * (.5 + t * (2. - 1.5 * t)), t * t * (-.5 + .5 * t));
 }
 void main() {
-  vec2 at = gl_FragCoord.xy / size * vec2(shape) - middle;
+  vec2 at = gl_FragCoord.xy / size * vec2(shape) - .5;
   ivec2 base = ivec2(floor(at));
   vec4 wx = cubic(at.x - float(base.x)), wy = cubic(at.y - float(base.y));
   bool inside = all(greaterThan(base, ivec2(0))) && all(lessThan(base, shape - 2));
@@ -155,7 +155,6 @@ export class Pattern {
     gl.uniform1i(at('density'), 0);
     gl.uniform2i(at('shape'), w, h);
     gl.uniform2f(at('size'), side, side);
-    gl.uniform1f(at('middle'), lattice.hexagonal ? 0 : 0.5);
     gl.uniform1f(at('share'), lattice.shift?.[1] ?? 0);
     gl.uniform1i(at('count'), count);
     gl.uniform1i(at('rule'), ruleOf(lattice));

@@ -43,7 +43,7 @@ def edit(
 
     PICTUREs are photographs, or a layout (.toml, .json), a Hugin project (.pto) or an OpenRaster file (.ora);
     without any, drop them on the page. Press on what you want more of and drag it over what you do not want.
-    With --motif the page shows a motif that grows while you look; PICTURE is one to begin with, or its recipe.
+    With --motif the page shows a motif that grows while you look; PICTURE is one to begin with, or a recipe.
 
     \b
     toposeam edit *.jpg -o all.jpg

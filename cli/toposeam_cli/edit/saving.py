@@ -1,4 +1,4 @@
-"""Save: a command of ``toposeam``, such as ``stitch`` of the work's layout, in a process that can be ended."""
+"""Save: a command, such as ``toposeam stitch`` of a layout, in a process of its own that can be ended."""
 
 from __future__ import annotations
 

@@ -12,8 +12,8 @@ from toposeam_cli.edit.messages import (
     MessageError,
     number,
     one_of,
-    parsed_by,
     pairs,
+    parsed_by,
     whole_number,
 )
 

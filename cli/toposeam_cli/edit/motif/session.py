@@ -19,7 +19,7 @@ from toposeam_cli.edit.motif.messages import MOST_LAYERS
 from toposeam_cli.edit.motif.sketch import Sketch, Wall, erased
 from toposeam_cli.edit.motif.work import MOST_KEPT, MotifWork
 
-#: How much of what is shown is kept where a number, a place or the rule has changed; the rest is spread evenly.
+#: How much of what is shown is kept where a number, a place or the rule has changed; the rest is made even.
 _KEPT_NUMBER, _KEPT_PLACE, _KEPT_RULE = 0.7, 0.5, 0.35
 #: Longest side of the finest plate while something is dragged, at rest, and of relatives, in elements.
 _DRAGGED_SIDE, _SETTLED_SIDE, RELATIVE_SIDE = 128, 256, 64
@@ -293,7 +293,8 @@ class MotifSession:
                 spots += [(x, y, _STRENGTH) for x, y in points]
             elif message["index"] < len(spots):
                 spots[message["index"]] = (*points[0], spots[message["index"]][2])
-            layers[index] = dataclasses.replace(layer, **{role: tuple(spots)})
+            changed: dict[str, Any] = {role: tuple(spots)}
+            layers[index] = dataclasses.replace(layer, **changed)
         recipe = dataclasses.replace(sketch.recipe, layers=tuple(layers))
         return dataclasses.replace(sketch, recipe=recipe)
 

@@ -144,7 +144,7 @@ def _walled(sketch: Sketch, shape: tuple[int, int]) -> Mask:
 
 
 def _dense(wall: Wall) -> Floats:
-    """Return places along a wall, nearer to each other than its radius; ends in other cells are not joined."""
+    """Return places along a wall, nearer to each other than its radius, not across the cell's border."""
     places = np.array(wall.points, float)
     parts = [places[:1]]
     for first, second in zip(places[:-1], places[1:], strict=True):
@@ -183,7 +183,8 @@ def _on_paper(recipe: ts.motif.Recipe, places: Floats) -> Floats:
     """Return places of a cell on paper, in widths of the cell."""
     if recipe.repeat in HEXAGONAL:
         return np.column_stack([places[:, 0] - places[:, 1] / 2, places[:, 1] * math.sqrt(0.75)])
-    return places * np.array([1.0, recipe.size[0] / recipe.size[1]])
+    on_paper: Floats = places * np.array([1.0, recipe.size[0] / recipe.size[1]])
+    return on_paper
 
 
 def _touched(

@@ -1,4 +1,4 @@
-"""The process that grows motifs: it takes messages in order, and lets go of a motif when a newer one comes."""
+"""The process that grows motifs: it takes messages in order, and lets go of a motif when one comes."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _STROKES_FROM, _STROKES_ONLY = 0.02, 0.25
 _MOST_SIDE = 1024
 
 
-class _Newer(Exception):
+class _NewerError(Exception):
     """A message came while the recipe was run."""
 
 
@@ -73,7 +73,7 @@ class MotifSolver:
                 continue
             message = self._next()
             if message is None:
-                growing = self._finish()
+                self._finish()
                 continue
             self._resting = True
             try:
@@ -127,7 +127,8 @@ class MotifSolver:
         """Answer a message; return what grows then."""
         kind = message["kind"]
         if kind == "finish":
-            return self._finish()
+            self._finish()
+            return None
         if kind == "save":
             self._write(message)
             return growing
@@ -177,12 +178,12 @@ class MotifSolver:
 
         def report(share: float) -> None:
             if self._receive():
-                raise _Newer
+                raise _NewerError
             self._say("finishing", {"share": round(share, 3)})
 
         try:
             made = ts.generate_motif(self._session.recipe, progress=report)
-        except _Newer:
+        except _NewerError:
             self._say("finishing", {"share": 0.0})
             return
         except ts.TopoSeamError as error:

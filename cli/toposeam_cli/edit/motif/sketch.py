@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -147,7 +148,7 @@ def _dense(wall: Wall) -> Floats:
     """Return places along a wall, nearer to each other than its radius, not across the cell's border."""
     places = np.array(wall.points, float)
     parts = [places[:1]]
-    for first, second in zip(places[:-1], places[1:], strict=True):
+    for first, second in itertools.pairwise(places):
         length = float(np.abs(second - first).max())
         count = max(1, math.ceil(length / max(wall.radius / 2, 1 / 512)))
         if length > 0.5:  # it went on at the opposite border

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import secrets
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -30,7 +30,7 @@ _STRENGTH = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Task:
+class GrowthTask:
     """What is to be grown after a change."""
 
     recipe: ts.motif.Recipe
@@ -42,10 +42,13 @@ class Task:
 
 @dataclass(slots=True, eq=False)
 class _Moment:
-    """A sketch and what it looks like: densities of its layers in 255ths, none yet if it was not shown."""
+    """A sketch and what it looks like: densities of its layers in 255ths, none yet if it was not shown, and
+    how they are printed.
+    """
 
     sketch: Sketch
     levels: list[npt.NDArray[np.uint8]] | None = None
+    printed: dict[str, list[float]] = field(default_factory=dict)
     final: bool = False
 
 
@@ -72,22 +75,33 @@ class MotifSession:
         """True if what is shown is what the recipe makes."""
         return self._now.final
 
-    def begin(self) -> Task:
+    def begin(self) -> GrowthTask:
         """Return what is to be grown at first."""
-        return Task(recipe=self.recipe, start=None, kept=0.0, most=_SETTLED_SIDE)
+        return GrowthTask(recipe=self.recipe, start=None, kept=0.0, most=_SETTLED_SIDE)
 
     def shown(self) -> list[Floats] | None:
         """Return the densities that are shown, each (h, w) in [0, 1]."""
         levels = self._now.levels
         return None if levels is None else [level / 255.0 for level in levels]
 
-    def show(self, densities: Sequence[npt.NDArray[np.floating]], *, final: bool = False) -> list[bytes]:
-        """Take over what is shown now; return it in 255ths."""
+    @property
+    def printed(self) -> dict[str, list[float]]:
+        """How what is shown is printed."""
+        return self._now.printed
+
+    def show(
+        self,
+        densities: Sequence[npt.NDArray[np.floating]],
+        printed: dict[str, list[float]] | None = None,
+        *,
+        final: bool = False,
+    ) -> list[bytes]:
+        """Take over what is shown now, and how it is printed; return it in 255ths."""
         self._now.levels = [np.rint(255 * density).astype(np.uint8) for density in densities]
-        self._now.final = final
+        self._now.printed, self._now.final = printed or {}, final
         return [level.tobytes() for level in self._now.levels]
 
-    def change(self, message: Mapping[str, Any]) -> Task | None:
+    def change(self, message: Mapping[str, Any]) -> GrowthTask | None:
         """Change the sketch; return what is to be grown, if anything.
 
         Raises
@@ -103,7 +117,7 @@ class MotifSession:
         start, kept = shown, _KEPT_PLACE
         if kind == "colours":
             changed = self._coloured(message)
-            self._keep(changed, done=done, levels=self._now.levels, final=self._now.final)
+            self._keep(changed, done=done, final=self._now.final)
             return None
         if kind == "dice":
             changed, start = Sketch(recipe=_thrown(recipe, message)), None
@@ -128,16 +142,16 @@ class MotifSession:
         else:
             changed = self._drawn(message)
         check_layers(changed.recipe)
-        task = Task(
+        task = GrowthTask(
             recipe=changed.whole(),
             start=start,
             kept=kept,
             most=_SETTLED_SIDE if done else _DRAGGED_SIDE,
         )
-        self._keep(changed, done=done, levels=self._now.levels)
+        self._keep(changed, done=done)
         return task
 
-    def breed(self, seed: int) -> list[Task]:
+    def breed(self, seed: int) -> list[GrowthTask]:
         """Return relatives of the motif to be grown, small ones."""
         sketch = self._now.sketch
         self.relatives = []
@@ -145,7 +159,8 @@ class MotifSession:
             recipe = ts.motif.vary(sketch.recipe, amount=_VARIED, seed=seed + number)
             self.relatives.append((dataclasses.replace(sketch, recipe=recipe), None))
         return [
-            Task(recipe=each.whole(), start=None, kept=0.0, most=RELATIVE_SIDE) for each, _ in self.relatives
+            GrowthTask(recipe=each.whole(), start=None, kept=0.0, most=RELATIVE_SIDE)
+            for each, _ in self.relatives
         ]
 
     def bred(self, number: int, densities: Sequence[Floats]) -> None:
@@ -185,23 +200,16 @@ class MotifSession:
             "redo": len(self._future),
         }
 
-    def _keep(
-        self,
-        sketch: Sketch,
-        *,
-        done: bool,
-        levels: list[npt.NDArray[np.uint8]] | None,
-        final: bool = False,
-    ) -> None:
-        """Take over a sketch; once a gesture is done, undo leads to what was before it."""
+    def _keep(self, sketch: Sketch, *, done: bool, final: bool = False) -> None:
+        """Take over a sketch, shown as before; once a gesture is done, undo leads to what was before it."""
         self._before = self._before or self._now
-        self._now = _Moment(sketch, levels, final)
+        self._now = _Moment(sketch, self._now.levels, self._now.printed, final)
         if done:
             self._past = [*self._past, self._before][-MOST_KEPT:]
             self._future, self._before = [], None
             self._save()
 
-    def _step(self, *, back: bool) -> Task | None:
+    def _step(self, *, back: bool) -> GrowthTask | None:
         source, target = (self._past, self._future) if back else (self._future, self._past)
         self._before = None
         if not source:

@@ -18,7 +18,7 @@ from toposeam.motif.ink import level, stroke_ends
 from toposeam.motif.optimise import tile_size
 from toposeam.motif.symmetry import HEXAGONAL
 from toposeam.sentence import sentence
-from toposeam_cli.edit.motif.session import MotifSession, Task
+from toposeam_cli.edit.motif.session import GrowthTask, MotifSession
 from toposeam_cli.edit.motif.work import MotifWork
 from toposeam_cli.files.writing import atomic_write
 from toposeam_cli.motifs.recipe_files import to_toml
@@ -140,7 +140,7 @@ class MotifSolver:
             return self._grow(task)
         shown = self._session.shown()
         if kind in ("undo", "redo") and shown is not None:
-            self._show(shown, 1.0, final=self._session.final)
+            self._show(shown, 1.0, final=self._session.final, printed=self._session.printed)
             return None
         return growing
 
@@ -162,7 +162,7 @@ class MotifSolver:
         rounds = sum(recipe.of_layer(index).iterations for index in range(len(recipe.layers)))
         return rounds * recipe.size[0] * recipe.size[1] <= _UNASKED
 
-    def _grow(self, task: Task) -> Iterator[None]:
+    def _grow(self, task: GrowthTask) -> Iterator[None]:
         """Grow a motif, and show it."""
         self._number += 1
         started = time.process_time()
@@ -221,8 +221,10 @@ class MotifSolver:
         *,
         final: bool = False,
         ends: Sequence[tuple[float, Any]] | None = None,
+        printed: dict[str, list[float]] | None = None,
         seconds: float = 0.0,
     ) -> None:
+        printed = printed or self._printed(self._session.recipe, densities, share, ends)
         self._spoke = time.monotonic()
         head = {
             "number": self._number,
@@ -230,9 +232,9 @@ class MotifSolver:
             "share": share,
             "final": final,
             "seconds": round(seconds, 3),
-            **self._printed(self._session.recipe, densities, share, ends),
+            **printed,
         }
-        self._say("density", head, self._session.show(densities, final=final))
+        self._say("density", head, self._session.show(densities, printed, final=final))
 
     def _printed(
         self,

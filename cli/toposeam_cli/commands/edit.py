@@ -39,7 +39,7 @@ def edit(
     no_browser: bool,
     force: bool,
 ) -> None:
-    """Join pictures on a page in the browser, where seams move under the brush, or grow a motif there.
+    """Join pictures on a page in the browser, where seams follow the brush, or grow a motif.
 
     PICTUREs are photographs, or a layout (.toml, .json), a Hugin project (.pto) or an OpenRaster file (.ora);
     without any, drop them on the page. Press on what you want more of and drag it over what you do not want.

@@ -14,6 +14,7 @@ import numpy.typing as npt
 import toposeam as ts
 from toposeam.arrays import Floats
 from toposeam.motif.ink import Palette
+from toposeam.motif.recipe import Recipe
 from toposeam.motif.symmetry import HEXAGONAL, operations, shift_of
 from toposeam_cli.edit.motif.messages import MOST_LAYERS
 from toposeam_cli.edit.motif.sketch import Sketch, Wall, erased
@@ -33,7 +34,7 @@ _STRENGTH = 1.0
 class GrowthTask:
     """What is to be grown after a change."""
 
-    recipe: ts.motif.Recipe
+    recipe: Recipe
     #: Densities to begin with, or None.
     start: list[Floats] | None
     kept: float
@@ -66,7 +67,7 @@ class MotifSession:
         self.relatives: list[tuple[Sketch, list[Floats] | None]] = []
 
     @property
-    def recipe(self) -> ts.motif.Recipe:
+    def recipe(self) -> Recipe:
         """The whole recipe, with walls."""
         return self._now.sketch.whole()
 
@@ -307,7 +308,7 @@ class MotifSession:
         return dataclasses.replace(sketch, recipe=recipe)
 
 
-def check_layers(recipe: ts.motif.Recipe) -> None:
+def check_layers(recipe: Recipe) -> None:
     """Refuse more inks than the page shows.
 
     Raises
@@ -321,7 +322,7 @@ def check_layers(recipe: ts.motif.Recipe) -> None:
         )
 
 
-def _thrown(recipe: ts.motif.Recipe, message: Mapping[str, Any]) -> ts.motif.Recipe:
+def _thrown(recipe: Recipe, message: Mapping[str, Any]) -> Recipe:
     """Return what a seed draws, in the colours of a recipe."""
     drawn = ts.motif.random_recipe(
         recipe.size,
@@ -334,7 +335,7 @@ def _thrown(recipe: ts.motif.Recipe, message: Mapping[str, Any]) -> ts.motif.Rec
     return dataclasses.replace(drawn, layers=drawn.layers[:MOST_LAYERS])
 
 
-def _palette(recipe: ts.motif.Recipe, count: int) -> Palette:
+def _palette(recipe: Recipe, count: int) -> Palette:
     """Return the colours of a recipe, with more of the palette that they come from, or of the first one."""
     own = np.array([layer.ink for layer in recipe.layers])
     more = None

@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 
 import toposeam as ts
 from toposeam.arrays import Floats, Mask
-from toposeam.motif.recipe import pack_base, unpack_base
+from toposeam.motif.recipe import Recipe, pack_base, unpack_base
 from toposeam.motif.symmetry import HEXAGONAL, operations, shift_of
 
 #: Longest side of the picture that walls are painted on, px: that of a recipe's base.
@@ -36,10 +36,10 @@ class Sketch:
     """A motif as it is drawn: everything that undo takes back."""
 
     #: Without walls.
-    recipe: ts.motif.Recipe
+    recipe: Recipe
     walls: tuple[Wall, ...] = ()
 
-    def whole(self) -> ts.motif.Recipe:
+    def whole(self) -> Recipe:
         """Return the recipe with the walls in its base image.
 
         Walls are black in an image that is else white, or the least conducting tone of the recipe's own.
@@ -76,7 +76,7 @@ class Sketch:
             Wall(points=tuple((float(x), float(y)) for x, y in one["points"]), radius=float(one["radius"]))
             for one in record["walls"]
         )
-        return cls(recipe=ts.motif.Recipe.from_dict(record["recipe"]), walls=walls)
+        return cls(recipe=Recipe.from_dict(record["recipe"]), walls=walls)
 
 
 def erased(sketch: Sketch, points: Sequence[Sequence[float]], radius: float) -> Sketch:
@@ -118,7 +118,7 @@ def erased(sketch: Sketch, points: Sequence[Sequence[float]], radius: float) -> 
     return Sketch(recipe=dataclasses.replace(recipe, layers=tuple(layers)), walls=tuple(walls))
 
 
-def _white(recipe: ts.motif.Recipe) -> np.ndarray:
+def _white(recipe: Recipe) -> np.ndarray:
     """Return an even base image of a recipe's shape."""
     rows, columns = recipe.size
     shrink = min(1.0, _BASE_SIDE / max(rows, columns))
@@ -158,7 +158,7 @@ def _dense(wall: Wall) -> Floats:
     return np.concatenate(parts)
 
 
-def _images(recipe: ts.motif.Recipe, places: Floats) -> Floats:
+def _images(recipe: Recipe, places: Floats) -> Floats:
     """Return where the rule lays places of a cell, there and in the cells round it, in widths of the cell."""
     found = []
     for (a, b), (c, d), (t, u) in operations(recipe.repeat):
@@ -180,7 +180,7 @@ def _images(recipe: ts.motif.Recipe, places: Floats) -> Floats:
     return _on_paper(recipe, np.concatenate(around))
 
 
-def _on_paper(recipe: ts.motif.Recipe, places: Floats) -> Floats:
+def _on_paper(recipe: Recipe, places: Floats) -> Floats:
     """Return places of a cell on paper, in widths of the cell."""
     if recipe.repeat in HEXAGONAL:
         return np.column_stack([places[:, 0] - places[:, 1] / 2, places[:, 1] * math.sqrt(0.75)])
@@ -189,7 +189,7 @@ def _on_paper(recipe: ts.motif.Recipe, places: Floats) -> Floats:
 
 
 def _touched(
-    recipe: ts.motif.Recipe,
+    recipe: Recipe,
     spots: Sequence[Sequence[float]],
     points: Sequence[Sequence[float]],
     radius: float,

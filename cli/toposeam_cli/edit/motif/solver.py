@@ -16,6 +16,7 @@ import toposeam as ts
 from toposeam.arrays import Floats
 from toposeam.motif.ink import level, stroke_ends
 from toposeam.motif.optimise import tile_size
+from toposeam.motif.recipe import Recipe
 from toposeam.motif.symmetry import HEXAGONAL
 from toposeam.sentence import sentence
 from toposeam_cli.edit.motif.session import GrowthTask, MotifSession
@@ -160,7 +161,7 @@ class MotifSolver:
     def _is_cheap(self) -> bool:
         recipe = self._session.recipe
         rounds = sum(recipe.of_layer(index).iterations for index in range(len(recipe.layers)))
-        return rounds * recipe.size[0] * recipe.size[1] <= _UNASKED
+        return bool(rounds * recipe.size[0] * recipe.size[1] <= _UNASKED)
 
     def _grow(self, task: GrowthTask) -> Iterator[None]:
         """Grow a motif, and show it."""
@@ -238,7 +239,7 @@ class MotifSolver:
 
     def _printed(
         self,
-        recipe: ts.motif.Recipe,
+        recipe: Recipe,
         densities: Sequence[np.ndarray],
         share: float,
         ends: Sequence[tuple[float, Any]] | None,

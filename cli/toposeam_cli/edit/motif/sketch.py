@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-import toposeam as ts
 from toposeam.arrays import Floats, Mask
 from toposeam.motif.recipe import Recipe, pack_base, unpack_base
 from toposeam.motif.symmetry import HEXAGONAL, operations, shift_of

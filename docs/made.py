@@ -74,6 +74,7 @@ SCRIPTS: dict[str, tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = {
         (),
         ("samples/portrait_left.jpg", "samples/portrait_right.jpg"),
     ),
+    "grow_figures.py": (("grow-*",), ("motif", "recipe"), ("docs/edit_figures.py",)),
     "stitching_figures.py": (("stitching-*",), ("seam", "three layers"), ()),
     "picture_page.py": (
         ("page-*",),

@@ -96,10 +96,12 @@ ARROWS = {
     "toposeam_cli.edit": CLI_CORE
     | {
         "toposeam.layers",
+        "toposeam.motif",
         "toposeam.seam",
         "toposeam_cli.app",
         "toposeam_cli.files",
         "toposeam_cli.media",
+        "toposeam_cli.motifs",
         "toposeam_cli.stitching",
     },
     "toposeam_cli.textures": CLI_CORE | {"toposeam_cli.app", "toposeam_cli.files", "toposeam_cli.media"},

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import signal
+import struct
 import subprocess
 import sys
 import time
@@ -20,6 +22,9 @@ from PIL import Image
 CHROMIUM = next((found for name in ("chromium", "google-chrome") if (found := shutil.which(name))), None)
 SAMPLES = Path(__file__).parents[2] / "samples"
 PORTRAIT = SAMPLES / "portrait_left.jpg", SAMPLES / "portrait_right.jpg"
+#: The server of tests without a browser.
+TOKEN, PORT = "right-token", 8123
+OWN = f"http://127.0.0.1:{PORT}"
 #: A software renderer, as there is no graphics card where tests run.
 _FLAGS = (
     "--no-sandbox",
@@ -136,3 +141,28 @@ def push_seam(page: Any, across: float = 50) -> tuple[int, int]:
     page.mouse.up()
     until(page, "!document.querySelector('#seams').classList.contains('busy')")
     return x + round(across) - 3, y
+
+
+def unpacked(data):
+    (length,) = struct.unpack_from("<I", data)
+    head, at, blocks = json.loads(data[4 : 4 + length]), 4 + length, []
+    for size in head["sizes"]:
+        blocks.append(data[at : at + size])
+        at += size
+    assert at == len(data)
+    return head, blocks
+
+
+def hear(ws, kind, most=300):
+    for _ in range(most):
+        head, blocks = unpacked(ws.receive_bytes())
+        if head["kind"] == kind:
+            return head, blocks
+    raise AssertionError(f"{kind} never came")
+
+
+def live(client, token=TOKEN, **headers):
+    # TestClient takes a socket's host from its address; Host and Origin are as a browser sends them.
+    return client.websocket_connect(
+        f"ws://127.0.0.1:{PORT}/{token}/live", headers={"host": f"127.0.0.1:{PORT}", "origin": OWN, **headers}
+    )

@@ -21,7 +21,7 @@ from toposeam.errors import TopoSeamError
 #: second.
 COMMANDS = {
     "stitch": "Join pictures where they overlap, along seams that nobody sees.",
-    "edit": "Join pictures on a page in the browser, where seams move under the brush.",
+    "edit": "Join pictures on a page in the browser, where seams follow the brush, or grow a motif.",
     "enblend": "Blend pictures that Hugin's nona has placed: in enblend's place, with its options.",
     "compare": "Find the seam between A and B with every method: cost, cost ÷ optimum, seconds.",
     "synth": "Grow a large texture from a small SOURCE, or from several.",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 #: Longest message from a page, bytes, and most points of a stroke.
@@ -45,51 +45,59 @@ def parsed(text: str) -> dict[str, Any]:
     MessageError
         For anything else.
     """
+    return parsed_by(_MEANINGS, text)
+
+
+def parsed_by(
+    meanings: Mapping[str, Callable[[dict[str, Any]], dict[str, Any]]], text: str
+) -> dict[str, Any]:
+    """Return a message of a page whose kinds have such meanings; raises as :func:`parsed`."""
     if len(text) > LONGEST:
         raise MessageError("too long")
     try:
         message = json.loads(text)
-        return _MEANINGS[message["kind"]](message) | {"kind": message["kind"]}
+        return meanings[message["kind"]](message) | {"kind": message["kind"]}
     except (ValueError, KeyError, TypeError, RecursionError, OverflowError) as error:
         raise MessageError(str(error)) from error
 
 
 def _stroke(message: dict[str, Any]) -> dict[str, Any]:
     return {
-        "id": _whole(message["id"]),
+        "id": whole_number(message["id"]),
         "done": message["done"] is True,
         "stroke": {
-            "kind": _one_of(message["stroke"], _KINDS),
-            "layer": _whole(message["layer"]),
+            "kind": one_of(message["stroke"], _KINDS),
+            "layer": whole_number(message["layer"]),
             **_line(message),
         },
     }
 
 
-def _points(message: dict[str, Any], least: int, most: int) -> list[list[float]]:
+def pairs(message: dict[str, Any], least: int, most: int) -> list[list[float]]:
+    """Return the points of a message, from `least` to `most` pairs of numbers."""
     points = message["points"]
     if not isinstance(points, list) or not least <= len(points) <= most:
         raise MessageError("points")
-    pairs = [[_number(value) for value in point] for point in points]
-    if any(len(pair) != 2 for pair in pairs):
+    found = [[number(value) for value in point] for point in points]
+    if any(len(pair) != 2 for pair in found):
         raise MessageError("points")
-    return pairs
+    return found
 
 
 def _line(message: dict[str, Any]) -> dict[str, Any]:
-    pairs = _points(message, 1, _MOST_POINTS)
-    radius = _number(message["radius"])
+    points = pairs(message, 1, _MOST_POINTS)
+    radius = number(message["radius"])
     if radius <= 0:
         raise MessageError("radius")
-    return {"points": pairs, "radius": radius}
+    return {"points": points, "radius": radius}
 
 
 def _point(message: dict[str, Any]) -> dict[str, Any]:
-    return {"x": _number(message["x"]), "y": _number(message["y"])}
+    return {"x": number(message["x"]), "y": number(message["y"])}
 
 
 def _rectangle(message: dict[str, Any]) -> list[float]:
-    (left, top), (width, height) = _points({"points": message["box"]}, 2, 2)
+    (left, top), (width, height) = pairs({"points": message["box"]}, 2, 2)
     if min(width, height) < 1:
         raise MessageError("box")
     return [max(0.0, left), max(0.0, top), width, height]
@@ -97,10 +105,11 @@ def _rectangle(message: dict[str, Any]) -> list[float]:
 
 def _settings(message: dict[str, Any]) -> dict[str, Any]:
     given = message["settings"]
-    return {"settings": {name: _one_of(given[name], SETTINGS[name]) for name in given}}
+    return {"settings": {name: one_of(given[name], SETTINGS[name]) for name in given}}
 
 
-def _number(value: Any) -> float:
+def number(value: Any) -> float:
+    """Return a finite number, or refuse it."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise MessageError("number")
     if abs(value) > _FARTHEST:
@@ -108,13 +117,15 @@ def _number(value: Any) -> float:
     return float(value)
 
 
-def _whole(value: Any) -> int:
+def whole_number(value: Any) -> int:
+    """Return a whole number from 0 on, or refuse it."""
     if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < 2**31:
         raise MessageError("whole number")
     return value
 
 
-def _one_of(value: Any, known: Sequence[str]) -> str:
+def one_of(value: Any, known: Sequence[str]) -> str:
+    """Return a word that is known, or refuse it."""
     if value not in known:
         raise MessageError("choice")
     return str(value)
@@ -127,21 +138,21 @@ def _nothing(message: dict[str, Any]) -> dict[str, Any]:
 _MEANINGS: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "stroke": _stroke,
     "erase": _line,
-    "horizon": lambda message: {"points": _points(message, 2, 2)},
+    "horizon": lambda message: {"points": pairs(message, 2, 2)},
     "crop": lambda message: {"box": _rectangle(message)},
     "undo": _nothing,
     "redo": _nothing,
     "refresh": _nothing,
-    "take": lambda message: {**_point(message), "layer": _whole(message["layer"])},
+    "take": lambda message: {**_point(message), "layer": whole_number(message["layer"])},
     "other": _point,
-    "blend": lambda message: {"box": [_whole(value) for value in message["box"]][:4]},
+    "blend": lambda message: {"box": [whole_number(value) for value in message["box"]][:4]},
     "settings": _settings,
-    "save": lambda message: {"format": _one_of(message["format"], FORMATS)},
+    "save": lambda message: {"format": one_of(message["format"], FORMATS)},
     "cancel": _nothing,
     "takeover": _nothing,
-    "open": lambda message: {"files": [_whole(number) for number in message["files"]][:1000]},
-    "resume": lambda message: {"work": _whole(message["work"])},
-    "sample": lambda message: {"sample": _whole(message["sample"])},
-    "forget": lambda message: {"work": _whole(message["work"])},
+    "open": lambda message: {"files": [whole_number(number) for number in message["files"]][:1000]},
+    "resume": lambda message: {"work": whole_number(message["work"])},
+    "sample": lambda message: {"sample": whole_number(message["sample"])},
+    "forget": lambda message: {"work": whole_number(message["work"])},
     "start": _nothing,
 }

@@ -1,4 +1,4 @@
-"""Save: ``toposeam stitch`` of the work's layout, in a process of its own that can be ended."""
+"""Save: a command, such as ``toposeam stitch`` of a layout, in a process of its own that can be ended."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from toposeam_cli.app.registry import load
 from toposeam_cli.files.interruption import terminations_raised
 
 
-def run(connection: Connection, words: list[str], output: Path) -> None:
-    """Join the pictures at full size, and say how far it is, whether it is done, or why not."""
+def run(connection: Connection, command: str, words: list[str], output: Path) -> None:
+    """Write a file by a command, and say how far it is, whether it is done, or why not."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server ends this process by SIGTERM
     try:
         with terminations_raised(), listening(lambda label, share: connection.send(("saving", label, share))):
-            load("stitch").main([*words, "-o", os.fspath(output)], standalone_mode=False)
+            load(command).main([*words, "-o", os.fspath(output)], standalone_mode=False)
     except Exception as error:
         connection.send(("failed", sentence(error), 0.0))
     else:

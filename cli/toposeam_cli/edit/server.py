@@ -115,12 +115,18 @@ class Page:
                 await self.ws.send_bytes(await self.waiting.get())
 
 
-class Hub:
-    """All that one server holds: the work, its solver, the pages, and a save that runs."""
+class Pages:
+    """The pages of one server: who owns the work, what they are told, and a save that runs."""
 
-    def __init__(self, work: Work, output: Path | None, end: Callable[[], None]) -> None:
-        self.work, self.output, self._end = work, output, end
-        self.mirror, self.dropped = Mirror(), Dropped()
+    #: The file of `page/` that a browser gets first.
+    file = "index.html"
+    #: Reads a message of a page.
+    parse: Callable[[str], dict[str, Any]] = staticmethod(parsed)
+
+    def __init__(self, output: Path | None, end: Callable[[], None]) -> None:
+        self.output, self._end = output, end
+        self.mirror: Mirror = Mirror()
+        self.dropped: Dropped | None = None
         self.pages: list[Page] = []
         self.owner: Page | None = None
         self.saved: dict[str, Path] = {}
@@ -130,19 +136,17 @@ class Hub:
         self._target: Path | None = None
         self._stack = ExitStack()
 
-    def open(self, work: Work) -> None:
-        """Open a work: start the process that solves.
+    def begin(self) -> None:
+        """Begin with the work that was named."""
+        raise NotImplementedError
 
-        Raises
-        ------
-        OptionError
-            If another page has it open.
-        """
-        self.close()
-        self._stack.enter_context(claimed_work(work))
-        self.work, self.mirror = work, Mirror()
-        if work.files:
-            self._solver = Worker(solver.run, (work,), self._take)
+    def about(self) -> dict[str, Any]:
+        """Return what the first message to a page says."""
+        raise NotImplementedError
+
+    def do(self, page: Page, message: dict[str, Any]) -> None:
+        """Do what the page that owns the work asks for."""
+        raise NotImplementedError
 
     def close(self) -> None:
         """End all processes, and leave the work."""
@@ -154,20 +158,8 @@ class Hub:
 
     def hello(self, page: Page) -> bytes:
         """Return the first message to a page."""
-        works = [
-            {"names": [path.name for path in work.files[:3]], "count": len(work.files), "at": changed}
-            for _, work, changed in recent_works()
-        ]
-        return packed(
-            "hello",
-            {
-                "owner": page is self.owner,
-                "begun": bool(self.work.files),
-                "output": None if self.output is None else self.output.name,
-                "recent": works,
-                "samples": [names for names, _ in samples()],
-            },
-        )
+        output = None if self.output is None else self.output.name
+        return packed("hello", {"owner": page is self.owner, "output": output, **self.about()})
 
     def tell(self, data: bytes) -> None:
         """Tell all pages."""
@@ -200,34 +192,15 @@ class Hub:
                 each.tell(packed("role", {"owner": each is page}))
         if page is not self.owner:
             return
-        if kind in _FOR_SOLVER:
-            if self._solver is not None and not self._solver.send(message):
-                self.leave(page)
-        elif kind in ("open", "resume", "sample", "start", "forget"):
-            self._begin(kind, message)
-        elif kind == "save":
-            self._save(message["format"])
-        elif kind == "cancel" and self._saving is not None:
+        if kind == "cancel" and self._saving is not None:
             self._saving.ask_to_end()
+        else:
+            self.do(page, message)
 
-    def _begin(self, kind: str, message: dict[str, Any]) -> None:
-        """Open other pictures: dropped ones, a work that was begun, a sample, or none."""
-        works = recent_works()
-        try:
-            if kind == "forget" and message["work"] < len(works):
-                works[message["work"]][1].forget()
-            elif kind == "open":
-                self.open(self.dropped.as_work(message["files"]))
-            elif kind == "resume" and message["work"] < len(works):
-                self.open(works[message["work"]][1])
-            elif kind == "sample" and message["sample"] < len(samples()):
-                self.open(work_of(samples()[message["sample"]][1]))
-            elif kind == "start":
-                self.open(work_of([]))
-        except Exception as error:
-            self.tell(packed("failed", {"text": sentence(error)}))
-        for page in self.pages:
-            page.tell(self.hello(page))
+    def ask_solver(self, page: Page, message: dict[str, Any]) -> None:
+        """Pass a message on to the process that solves; a page that sends too many is dropped."""
+        if self._solver is not None and not self._solver.send(message):
+            self.leave(page)
 
     def _take(self, event: Any) -> None:
         """Pass an event of the solver on."""
@@ -237,15 +210,10 @@ class Hub:
         self.mirror.take(kind, head, blocks)
         self.tell(packed(kind, head, blocks))
 
-    def _save(self, suffix: str) -> None:
-        """Begin to write the picture at full size, unless that runs already."""
-        if self._saving is not None or not self.work.layout.exists():
-            return
-        self._target = self.output or self.work.folder / f"joined.{suffix}"
-        words = [str(self.work.layout), "--force"]
-        if self.output is not None:
-            words += ["--save-layout", str(self.output.with_suffix(".toml"))]
-        self._saving = Worker(saving.run, (words, self._target), self._saved)
+    def _write(self, command: str, words: list[str], target: Path) -> None:
+        """Begin to write a file by a command of ``toposeam``."""
+        self._target = target
+        self._saving = Worker(saving.run, (command, words, target), self._saved)
 
     def _saved(self, event: Any) -> None:
         """Tell the pages how far a save is, and at its end where the picture is."""
@@ -274,14 +242,90 @@ class Hub:
         self._end()
 
 
-def application(hub: Hub, token: str, port: int) -> Starlette:
+class Hub(Pages):
+    """The pages of a work of pictures, and the process that finds its seams."""
+
+    def __init__(self, work: Work, output: Path | None, end: Callable[[], None]) -> None:
+        super().__init__(output, end)
+        self.work, self.dropped = work, Dropped()
+
+    def begin(self) -> None:
+        """Open the work that was named."""
+        self.open(self.work)
+
+    def open(self, work: Work) -> None:
+        """Open a work: start the process that solves.
+
+        Raises
+        ------
+        OptionError
+            If another page has it open.
+        """
+        self.close()
+        self._stack.enter_context(claimed_work(work))
+        self.work, self.mirror = work, Mirror()
+        if work.files:
+            self._solver = Worker(solver.run, (work,), self._take)
+
+    def about(self) -> dict[str, Any]:
+        """Return whether there are pictures, what was edited last, and the samples."""
+        works = [
+            {"names": [path.name for path in work.files[:3]], "count": len(work.files), "at": changed}
+            for _, work, changed in recent_works()
+        ]
+        return {
+            "begun": bool(self.work.files),
+            "recent": works,
+            "samples": [names for names, _ in samples()],
+        }
+
+    def do(self, page: Page, message: dict[str, Any]) -> None:
+        """Do what the page that owns the work asks for."""
+        kind = message["kind"]
+        if kind in _FOR_SOLVER:
+            self.ask_solver(page, message)
+        elif kind in ("open", "resume", "sample", "start", "forget"):
+            self._begin(kind, message)
+        elif kind == "save":
+            self._save(message["format"])
+
+    def _begin(self, kind: str, message: dict[str, Any]) -> None:
+        """Open other pictures: dropped ones, a work that was begun, a sample, or none."""
+        works = recent_works()
+        try:
+            if kind == "forget" and message["work"] < len(works):
+                works[message["work"]][1].forget()
+            elif kind == "open" and self.dropped is not None:
+                self.open(self.dropped.as_work(message["files"]))
+            elif kind == "resume" and message["work"] < len(works):
+                self.open(works[message["work"]][1])
+            elif kind == "sample" and message["sample"] < len(samples()):
+                self.open(work_of(samples()[message["sample"]][1]))
+            elif kind == "start":
+                self.open(work_of([]))
+        except Exception as error:
+            self.tell(packed("failed", {"text": sentence(error)}))
+        for page in self.pages:
+            page.tell(self.hello(page))
+
+    def _save(self, suffix: str) -> None:
+        """Begin to write the picture at full size, unless that runs already."""
+        if self._saving is not None or not self.work.layout.exists():
+            return
+        words = [str(self.work.layout), "--force"]
+        if self.output is not None:
+            words += ["--save-layout", str(self.output.with_suffix(".toml"))]
+        self._write("stitch", words, self.output or self.work.folder / f"joined.{suffix}")
+
+
+def application(hub: Pages, token: str, port: int) -> Starlette:
     """Return the application of a server."""
 
     async def index(request: Request) -> Response:
-        return FileResponse(PAGE / "index.html", headers=dict(HEADERS))
+        return FileResponse(PAGE / hub.file, headers=dict(HEADERS))
 
     async def drop(request: Request) -> Response:
-        if hub.owner is None:
+        if hub.owner is None or hub.dropped is None:
             return PlainTextResponse("no page", 409, dict(HEADERS))
         try:
             number = await hub.dropped.take(request.query_params.get("name", ""), request.stream())
@@ -302,7 +346,7 @@ def application(hub: Hub, token: str, port: int) -> Starlette:
         writing = asyncio.create_task(page.write())
         try:
             while page in hub.pages:
-                hub.answer(page, parsed(await ws.receive_text()))
+                hub.answer(page, hub.parse(await ws.receive_text()))
         except (WebSocketDisconnect, RuntimeError, KeyError):
             pass
         except MessageError:
@@ -314,12 +358,13 @@ def application(hub: Hub, token: str, port: int) -> Starlette:
 
     @asynccontextmanager
     async def lifespan(app: Starlette) -> AsyncIterator[None]:
-        hub.open(hub.work)
+        hub.begin()
         watching = asyncio.create_task(hub.watch())
         yield
         watching.cancel()
         hub.close()
-        hub.dropped.close()
+        if hub.dropped is not None:
+            hub.dropped.close()
 
     routes = [
         Route("/", index),
@@ -342,14 +387,13 @@ class _PageFiles(StaticFiles):
         return response
 
 
-def serve(work: Work, output: Path | None, port: int, opened: Callable[[str], None]) -> None:
-    """Serve a work until Ctrl-C, or until its page has long been closed.
+def serve(pages: Callable[[Callable[[], None]], Pages], port: int, opened: Callable[[str], None]) -> None:
+    """Serve pages until Ctrl-C, or until they have long been closed.
 
     Parameters
     ----------
-    work : Work
-    output : Path or None
-        Where *Save* writes; None lets the browser download it.
+    pages : callable
+        Returns the pages; given what ends the server.
     port : int
         0 for any that is free.
     opened : callable
@@ -371,7 +415,7 @@ def serve(work: Work, output: Path | None, port: int, opened: Callable[[str], No
             server.should_exit = True
 
         config = uvicorn.Config(
-            application(Hub(work, output, end), token, own),
+            application(pages(end), token, own),
             log_level="critical",
             ws="websockets-sansio",
             ws_max_size=LONGEST,

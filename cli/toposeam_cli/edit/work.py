@@ -170,18 +170,31 @@ def claimed_work(work: Work) -> Iterator[None]:
     OptionError
         If another page has it open.
     """
-    work.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-    path = work.folder / _LOCK
+    with claimed(work.folder, "these pictures are"):
+        yield
+        now = read_work(work.folder)  # another process paints
+        if now is None or not now.touched:
+            work.forget()
+
+
+@contextmanager
+def claimed(folder: Path, what: str) -> Iterator[None]:
+    """Keep other pages off the folder of a work during the block.
+
+    Raises
+    ------
+    OptionError
+        If another page has it open.
+    """
+    folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    path = folder / _LOCK
     with suppress(FileExistsError):
         os.close(create(path))
     descriptor = os.open(path, os.O_RDWR)
     try:
         if not lock(descriptor):
-            raise ts.OptionError("these pictures are open on another page; go on there, or end that first")
+            raise ts.OptionError(f"{what} open on another page; go on there, or end that first")
         yield
-        now = read_work(work.folder)  # another process paints
-        if now is None or not now.touched:
-            work.forget()
     finally:
         os.close(descriptor)
 

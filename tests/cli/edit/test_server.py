@@ -2,10 +2,9 @@
 
 import json
 import socket
-import struct
 
 import pytest
-from edit_pages import program, walker_pictures
+from edit_pages import OWN, PORT, TOKEN, hear, live, program, unpacked, walker_pictures
 
 pytest.importorskip("starlette")
 pytest.importorskip("httpx2")
@@ -16,9 +15,6 @@ from starlette.websockets import WebSocketDisconnect
 from toposeam_cli.edit.messages import MessageError, packed, parsed
 from toposeam_cli.edit.server import Hub, application
 from toposeam_cli.edit.work import work_of
-
-TOKEN, PORT = "right-token", 8123
-OWN = f"http://127.0.0.1:{PORT}"
 
 
 @pytest.fixture
@@ -36,31 +32,6 @@ def hub(works):
 def client(hub):
     with TestClient(application(hub, TOKEN, PORT), base_url=OWN) as client:
         yield client
-
-
-def unpacked(data):
-    (length,) = struct.unpack_from("<I", data)
-    head, at, blocks = json.loads(data[4 : 4 + length]), 4 + length, []
-    for size in head["sizes"]:
-        blocks.append(data[at : at + size])
-        at += size
-    assert at == len(data)
-    return head, blocks
-
-
-def hear(ws, kind, most=300):
-    for _ in range(most):
-        head, blocks = unpacked(ws.receive_bytes())
-        if head["kind"] == kind:
-            return head, blocks
-    raise AssertionError(f"{kind} never came")
-
-
-def live(client, token=TOKEN, **headers):
-    # TestClient takes a socket's host from its address; Host and Origin are as a browser sends them.
-    return client.websocket_connect(
-        f"ws://127.0.0.1:{PORT}/{token}/live", headers={"host": f"127.0.0.1:{PORT}", "origin": OWN, **headers}
-    )
 
 
 def test_the_page_and_its_parts_come_with_the_token(client):

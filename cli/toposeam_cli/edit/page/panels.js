@@ -1,9 +1,9 @@
 // What stands round the picture: the strip of pictures, the worst places, the lens's name, and more settings.
 import { icon } from './icons.js';
 import { colourOf } from './lines.js';
-import { choose, language, languages, make, word } from './words.js';
+import { languageChoice, make, word } from './words.js';
 
-const THUMB = 72, LANGUAGES = { en: 'English', de: 'Deutsch', es: 'Español', fr: 'Français', ja: '日本語', ko: '한국어' };
+const THUMB = 72;
 const SETTINGS = {
   model: ['auto', 'shift', 'similarity', 'plane', 'rotation'],
   projection: ['auto', 'flat', 'cylinder', 'sphere', 'panini'],
@@ -135,10 +135,9 @@ export class Panels {
     const { seams } = this, chosen = { ...seams.scene.settings, ...(seams.scene.crop && { crop: 'box' }) };
     const rows = Object.entries(SETTINGS).filter(([name]) => !(seams.scene.placed && PLACING.includes(name))).map(([name, values]) => this.select(name, seams.scene.round && name === 'crop' ? values.slice(0, -1) : values, chosen[name] ?? values[0], value => `${name}_${value}`, () => this.apply()));
     const format = seams.shell.output ? null : this.select('format', ['jpg', 'png', 'tif', 'webp'], seams.shell.format, value => value.toUpperCase(), value => { seams.shell.format = value; });
-    const speech = this.select('language', languages(), language(), value => LANGUAGES[value] ?? value, value => { choose(value); location.hash = value; location.reload(); });
     const horizon = make('button', { id: 'horizon', title: word('horizon_help'), onclick: () => { this.hide('more'); seams.choose('horizon'); seams.shell.say(word('horizon_help')); } }, word('horizon'));
     const others = make('button', { onclick: () => seams.shell.send({ kind: 'start' }) }, word('choose_others'));
-    this.more.replaceChildren(make('h2', {}, word('more')), ...rows, horizon, ...(format ? [format] : []), speech, others);
+    this.more.replaceChildren(make('h2', {}, word('more')), ...rows, horizon, ...(format ? [format] : []), languageChoice(), others);
   }
 
   select(name, values, chosen, titled, changed) {

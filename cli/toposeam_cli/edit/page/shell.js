@@ -115,7 +115,7 @@ export class Shell {
     this.again = false;
     this.cancelButton.hidden = false;
     this.progress(0);
-    this.send({ kind: 'save', format: this.format });
+    this.send({ kind: 'save', format: this.format, ...this.page.saving?.() });
   }
 
   progress(share) {

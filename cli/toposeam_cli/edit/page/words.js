@@ -23,6 +23,15 @@ export function word(key, ...values) {
   return values.reduce((text, value, k) => text.replace(`{${k}}`, value), own[at] || own[0]);
 }
 
+const LANGUAGES = { en: 'English', de: 'Deutsch', es: 'Español', fr: 'Français', ja: '日本語', ko: '한국어' };
+
+// The row in which a language is chosen; the page is loaded again in it.
+export function languageChoice() {
+  const options = languages().map(value => make('option', { value, selected: value === language() }, LANGUAGES[value] ?? value));
+  const select = make('select', { id: 'set-language', onchange: () => { choose(select.value); location.hash = select.value; location.reload(); } }, ...options);
+  return make('label', {}, make('span', {}, word('language')), select);
+}
+
 // Makes an element: name, properties, children.
 export function make(name, given = {}, ...children) {
   const element = document.createElement(name);

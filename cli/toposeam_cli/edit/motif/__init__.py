@@ -1,0 +1,1 @@
+"""The page on which motifs grow: what is drawn on a cell, the process that solves, and what both say."""

@@ -20,6 +20,9 @@ from toposeam.texture.holes.expectation import Planes, gap_box
 
 #: Weight of the data term against the seams.
 _DATA_WEIGHT = 6.0
+#: Cost of a pixel on a line whose shift does not lay the line on itself; an interface from white to black
+#: costs 1.
+_BROKEN_LINE = 4.0
 #: Largest distance between a finer seam and the coarser one, in coarser pixels.
 _BAND = 2
 #: Largest number of decisions, pixels times shifts, of a whole region. Above it the region is decided window
@@ -45,6 +48,10 @@ class Ground:
     present: Mask
     #: (H, W) bool: the hole and the band round it, where shifts are chosen.
     near: Mask
+    #: (H, W) int32, the number of the line that crosses the hole at each pixel, 0 for none; and (K, lines + 1)
+    #: bool, whether a shift lays it on itself.
+    lines: Ints32
+    keeps: Mask
 
 
 class ShiftMoves:
@@ -101,6 +108,9 @@ class ShiftMoves:
         radius = max(float(deepest), 1.0)
         self.weight = (np.float32(_DATA_WEIGHT * stride / radius) * self.hole).astype(np.float32)
         self._like = like
+        self._lines = ground.lines[at]
+        none = np.ones((1, ground.keeps.shape[1]), bool)
+        self._broken = _BROKEN_LINE * ~np.concatenate([ground.keeps, none])
         self.label = np.full(self.hole.shape, self.itself, np.intp)
         #: Distance beyond their edges within which shifts expand; None for anywhere.
         self._reach: int | None = None
@@ -144,6 +154,9 @@ class ShiftMoves:
         """Return the data term of a labelling of some pixels."""
         apart = np.abs(self._brought(self._like, label, rows, columns) - self.wanted[rows, columns])
         cost: Floats32 = self.weight[rows, columns] * np.einsum("...c->...", apart)
+        lines = self._lines[rows, columns]
+        # On a line its surroundings do not tell what is expected.
+        cost = np.where(lines > 0, self._broken[label, lines], cost).astype(np.float32)
         cost[label == self.itself] = 0
         return cost
 

@@ -1,10 +1,9 @@
 """Lines that cross a hole: ``python benchmarks/crossing_lines.py [sheet.png [rows …]]``.
 
 Twenty holes in photographs and drawn grounds, each crossed by 1 to 4 lines that are drawn there: kerbs (two
-tones that meet), painted lines, wires, paths. The hole hides all of it, and what `fill` puts there is compared
-with what was drawn: a line is joined if its edges lie within 1.5 px of where they should be on at least nine
-tenths of their length in the hole, and the line through them within 3° of theirs. `--core DIR` in front of a
-row's number is not needed: set PYTHONPATH to compare with another version.
+tones that meet), painted lines, wires, paths, horizons. What `fill` puts there is compared with what was drawn
+across the hole: an edge is joined if it lies within 1.5 px of where it should be on nine tenths of its length,
+and the line through these places within 3° of it. Set PYTHONPATH to measure another version.
 """
 
 from __future__ import annotations
@@ -59,8 +58,12 @@ def ground_of(kind: str, rng: np.random.Generator) -> np.ndarray:
     slope = np.linspace(-1, 1, SIDE)[:, np.newaxis]
     noise = ndimage.gaussian_filter(rng.normal(size=(SIDE, SIDE)), 1)
     if kind == "court":
-        return shaded(np.clip(0.5 + 0.1 * slope + 0.12 * noise, 0, 1), (120, 50, 34), (160, 76, 52), (190, 110, 84))
-    return shaded(np.clip(0.5 + 0.4 * slope + 0.03 * noise, 0, 1), (84, 132, 196), (140, 178, 222), (214, 228, 240))
+        return shaded(
+            np.clip(0.5 + 0.1 * slope + 0.12 * noise, 0, 1), (120, 50, 34), (160, 76, 52), (190, 110, 84)
+        )
+    return shaded(
+        np.clip(0.5 + 0.4 * slope + 0.03 * noise, 0, 1), (84, 132, 196), (140, 178, 222), (214, 228, 240)
+    )
 
 
 def across(angle: float, away: float) -> np.ndarray:
@@ -113,9 +116,7 @@ def drawn(row: int) -> tuple[np.ndarray, np.ndarray, list[tuple[float, float]]]:
 
 
 def joined(filled: np.ndarray, truth: np.ndarray, hole: np.ndarray, edges: list[tuple[float, float]]) -> int:
-    """How many edges go on where they should. The cross profile of the truth, blurred along the line, is looked
-    for at every px along it.
-    """
+    """How many edges go on where they should: at every px along one the profile across it is looked for."""
     count = 0
     for angle, away in edges:
         turn = np.radians(angle)

@@ -24,7 +24,7 @@ from toposeam.texture.exemplar.atlas import Atlas
 from toposeam.texture.exemplar.patch_search import box_sum
 from toposeam.texture.exemplar.scale import SMALLEST_PATCH
 from toposeam.texture.exemplar.sources import DataRange, Images
-from toposeam.texture.holes.crossing_lines import CrossingBand, crossing_bands, strips_of
+from toposeam.texture.holes.crossing_lines import CrossingBand, crossing_bands, kept_by, strips_of
 from toposeam.texture.holes.hole_window import Holed, read_holed
 from toposeam.texture.holes.homogeneity import is_texture
 from toposeam.texture.holes.shift_candidates import candidate_shifts
@@ -267,8 +267,8 @@ def _stitched(
             copied=copied[seen],
             present=ground[seen] & (~missing | part[seen]),
             near=beside[seen],
-            lines=strips_of(bands, part[seen]),
-            keeps=np.stack([np.ones(len(shifts), bool), *(band.keeps(shifts) for band in bands)], axis=1),
+            lines=strips_of(bands, part[seen]) if bands else None,
+            keeps=kept_by(bands, shifts) if bands else None,
         )
         report = stage(progress, done / total, int(part.sum()) / total)
         label = shift_map(view, shifts, options.method, report)

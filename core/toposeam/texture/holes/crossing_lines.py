@@ -1,8 +1,8 @@
 """Straight lines that cross a hole: kerbs, wires, painted lines, the edges of a road.
 
-A line is found where an edge that runs towards a hole goes on beyond it: the picture is turned by every angle,
-so that lines are rows, and the steps across each row are compared on both sides of the hole. Shifts along the
-line, which lay it on itself to a fraction of a pixel, then bring what lies on it.
+A line is found where an edge that runs towards a hole goes on beyond it: the picture is turned by every
+angle, so that lines are rows, and the steps across each row are compared on both sides of the hole. Shifts
+along the line, which lay it on itself to a fraction of a pixel, then bring what lies on it.
 """
 
 from __future__ import annotations
@@ -32,11 +32,18 @@ _LEAST_STEP, _LEAST_CLEAR, _LEAST_ALIKE = 0.012, 1.1, 0.4
 _MOST_APART = 8.0
 #: Distance from the line at which that is compared, px.
 _BESIDE = 3
+#: Side, px, to which the window is reduced where all angles are tried, about; and number of rows on either
+#: side of an edge in which it is looked for again at full size.
+_SEARCHED, _NEAR_ROWS = 100, 7
+#: Value of the pixels of a hole.
+_HOLE = 2.0
 #: Least share of a piece that is known.
 _KNOWN = 0.9
 #: Lines nearer than this, px and degrees, where they cross the hole, are one; and edges nearer than this are
 #: those of one band, as the two of a painted line, which is shifted as a whole.
-_SAME_PX, _SAME_DEG, _BAND_PX, _BAND_DEG = 4.0, 6.0, 16.0, 2.5
+_SAME_PX, _SAME_DEG, _BAND_PX, _BAND_DEG = 4.0, 6.0, 16.0, 1.0
+#: Least of the same product of step and clearness for the clearest edge of a line: stripes of fur have 0.04.
+_LEAST_BAND = 0.055
 #: Largest number of edges.
 _MOST = 12
 #: Half the width, px, of the strip in which shifts along the line are asked for.
@@ -87,7 +94,9 @@ class CrossingBand:
 
 @dataclass(frozen=True, slots=True)
 class _Edge:
-    """An edge on both sides of a hole: the step across it, its angle, and where it lies."""
+    """An edge on both sides of a hole: the step across it, larger where it is clear, its angle, and where it
+    lies.
+    """
 
     step: float
     angle: float
@@ -111,12 +120,17 @@ def crossing_bands(gray: Floats32, hole: Mask, known: Mask) -> list[CrossingBand
     origin = box[0].start or 0, box[1].start or 0
     part = ndimage.gaussian_filter(np.where(known, gray, 0)[box], _BLUR)
     weight = ndimage.gaussian_filter(known[box].astype(np.float32), _BLUR)
-    turning = _Turning(part / np.maximum(weight, 1e-3), hole[box], known[box], piece)
+    state = np.where(hole[box], _HOLE, known[box]).astype(np.float32)
+    full = _Turning(part / np.maximum(weight, 1e-3), state, piece, 1)
+    factor = max(1, math.isqrt(state.size) // _SEARCHED)
+    first = full if factor == 1 else full.reduced(factor)
+    edges = [one for angle in _ANGLES for one in first.edges(float(angle))]
     found: list[_Edge] = []
-    for edge in sorted((one for angle in _ANGLES for one in turning.edges(float(angle))), reverse=True, key=_step):
+    for edge in sorted(edges, key=_step, reverse=True):
         if len(found) < _MOST and not any(_same(edge, other) for other in found):
-            near = [one for turn in _REFINED for one in turning.edges(edge.angle + float(turn))]
-            found.append(max((one for one in near if _same(one, edge)), key=_step, default=edge))
+            near = [one for turn in _REFINED for one in full.edges(edge.angle + float(turn), edge)]
+            best = max((one for one in near if _same(one, edge)), key=_step, default=None)
+            found += [] if best is None else [best]
     return [_moved(band, origin) for band in _bands(found)]
 
 
@@ -152,6 +166,8 @@ def _bands(edges: list[_Edge]) -> list[CrossingBand]:
             found.append([edge])
     bands = []
     for band in found:
+        if band[0].step < _LEAST_BAND:
+            continue
         angle = math.radians(band[0].angle)
         along = math.sin(angle), math.cos(angle)
         offsets = [one.offset for one in band]
@@ -177,35 +193,56 @@ def _moved(band: CrossingBand, origin: tuple[int, int]) -> CrossingBand:
 
 
 class _Turning:
-    """A window round a hole, turned so that lines of an angle are rows."""
+    """A window round a hole, turned so that lines of an angle are rows.
 
-    def __init__(self, gray: Floats32, hole: Mask, known: Mask, piece: int) -> None:
-        self._gray, self._piece = gray, piece
-        self._masks = hole.astype(np.float32), known.astype(np.float32)
+    Parameters
+    ----------
+    gray, state : (h, w) float32 arrays
+        Brightness; and `_HOLE` in the hole, 1 where the picture is known, else 0.
+    piece : int
+        Length of the pieces of a line, px of the picture.
+    factor : int
+        By how much the window is reduced.
+    """
 
-    def edges(self, angle: float) -> list[_Edge]:
-        """List the edges along an angle, in degrees, x to the right and y down."""
+    def __init__(self, gray: Floats32, state: Floats32, piece: int, factor: int) -> None:
+        self._gray, self._state, self._piece, self._factor = gray, state, piece // factor, factor
+
+    def reduced(self, factor: int) -> _Turning:
+        """Reduce the window."""
+        height, width = (length // factor * factor for length in self._gray.shape)
+        blocks = self._gray[:height, :width].reshape(height // factor, factor, width // factor, factor)
+        middle = factor // 2
+        state = self._state[middle:height:factor, middle:width:factor]
+        return _Turning(blocks.mean(axis=(1, 3)), state, self._piece, factor)
+
+    def edges(self, angle: float, near: _Edge | None = None) -> list[_Edge]:
+        """List the edges along an angle, in degrees, x to the right and y down; all, or those near one."""
         turn = math.radians(angle)
         along = np.array([math.sin(turn), math.cos(turn)])
         normal = np.array([-along[1], along[0]])  # (y, x): across = x * along_y - y * along_x
         height, width = self._gray.shape
         middle = np.array([height - 1, width - 1]) / 2
         half = math.ceil(math.hypot(height, width) / 2)
-        side = 2 * half + 1
-        # Row v and column u of the turned window: middle + (v - half) * normal + (u - half) * along.
+        low, count = -half, 2 * half + 1
+        if near is not None:
+            a, t = math.radians(near.angle), sum(near.span) / 2
+            point = t * np.array([math.sin(a), math.cos(a)]) + near.offset * np.array(
+                [-math.cos(a), math.sin(a)]
+            )
+            low, count = round(float((point - middle) @ normal)) - _NEAR_ROWS, 2 * _NEAR_ROWS + 1
+        # Row v and column u of the turned window: middle + (v + low) * normal + (u - half) * along.
         matrix = np.stack([normal, along], axis=1)
-        start = middle - half * (normal + along)
-        seen, hole, known = (
-            ndimage.affine_transform(plane, matrix, start, (side, side), order=1, mode="constant")
-            for plane in (self._gray, *self._masks)
-        )
-        there = hole > 0.5
+        start = middle + low * normal - half * along
+        side, shape = 2 * half + 1, (count, 2 * half + 1)
+        seen = ndimage.affine_transform(self._gray, matrix, start, shape, order=1, mode="constant")
+        state = ndimage.affine_transform(self._state, matrix, start, shape, order=0, mode="constant")
+        there, good = state == _HOLE, state == 1
         rows = np.flatnonzero(there.any(axis=1))
-        rows = rows[(rows > _BESIDE) & (rows < side - 1 - _BESIDE)]
+        rows = rows[(rows >= _BESIDE) & (rows < count - _BESIDE)]
         if not len(rows):
             return []
         first, last = there[rows].argmax(axis=1), side - 1 - there[rows, ::-1].argmax(axis=1)
-        good = known > 0.99
         steps = np.zeros_like(seen)
         steps[1:-1] = 0.5 * (seen[2:] - seen[:-2])
         steady = np.zeros_like(good)
@@ -225,7 +262,10 @@ class _Turning:
             shares.append(use.sum(axis=1) / self._piece)
             beside.append(
                 np.stack(
-                    [(seen[rows[:, np.newaxis] + far, columns] * use).sum(axis=1) / count for far in (-_BESIDE, _BESIDE)]
+                    [
+                        (seen[rows[:, np.newaxis] + far, columns] * use).sum(axis=1) / count
+                        for far in (-_BESIDE, _BESIDE)
+                    ]
                 )
             )
         a, b = means
@@ -238,9 +278,12 @@ class _Turning:
         found = []
         for k in np.flatnonzero(best).tolist():
             corner = start + rows[k] * normal
-            offset = float(corner[1] * along[0] - corner[0] * along[1])
-            t = float(corner @ along)
-            found.append(_Edge(float(score[k]), angle, offset, (t + int(first[k]), t + int(last[k]))))
+            # From pixels of the reduced window to those of the window.
+            f, shift = self._factor, (self._factor - 1) / 2
+            offset = f * float(corner[1] * along[0] - corner[0] * along[1]) + shift * (along[0] - along[1])
+            t = f * float(corner @ along) + shift * (along[0] + along[1])
+            span = t + f * int(first[k]), t + f * int(last[k])
+            found.append(_Edge(float(score[k]), angle, float(offset), span))
         return found
 
 
@@ -256,3 +299,8 @@ def strips_of(bands: list[CrossingBand], hole: Mask) -> Ints32:
         crossed += strip
     found[crossed > 1] = 0
     return found
+
+
+def kept_by(bands: list[CrossingBand], shifts: Indices) -> Mask:
+    """Test which shifts, (K, 2), lay each band on itself: (K, bands + 1), the first for pixels on none."""
+    return np.stack([np.ones(len(shifts), bool), *(band.keeps(shifts) for band in bands)], axis=1)

@@ -48,10 +48,10 @@ class Ground:
     present: Mask
     #: (H, W) bool: the hole and the band round it, where shifts are chosen.
     near: Mask
-    #: (H, W) int32, the number of the line that crosses the hole at each pixel, 0 for none; and (K, lines + 1)
-    #: bool, whether a shift lays it on itself.
-    lines: Ints32
-    keeps: Mask
+    #: (H, W) int32, the number of the line that crosses the hole at each pixel, 0 for none; and
+    #: (K, lines + 1) bool, whether a shift lays it on itself. None where no line crosses the hole.
+    lines: Ints32 | None = None
+    keeps: Mask | None = None
 
 
 class ShiftMoves:
@@ -108,9 +108,9 @@ class ShiftMoves:
         radius = max(float(deepest), 1.0)
         self.weight = (np.float32(_DATA_WEIGHT * stride / radius) * self.hole).astype(np.float32)
         self._like = like
-        self._lines = ground.lines[at]
-        none = np.ones((1, ground.keeps.shape[1]), bool)
-        self._broken = _BROKEN_LINE * ~np.concatenate([ground.keeps, none])
+        self._lines = None if ground.lines is None else ground.lines[at]
+        #: (K, lines + 1) cost of a pixel on a line by its shift.
+        self._broken = None if ground.keeps is None else np.float32(_BROKEN_LINE) * ~ground.keeps
         self.label = np.full(self.hole.shape, self.itself, np.intp)
         #: Distance beyond their edges within which shifts expand; None for anywhere.
         self._reach: int | None = None
@@ -154,9 +154,11 @@ class ShiftMoves:
         """Return the data term of a labelling of some pixels."""
         apart = np.abs(self._brought(self._like, label, rows, columns) - self.wanted[rows, columns])
         cost: Floats32 = self.weight[rows, columns] * np.einsum("...c->...", apart)
-        lines = self._lines[rows, columns]
-        # On a line its surroundings do not tell what is expected.
-        cost = np.where(lines > 0, self._broken[label, lines], cost).astype(np.float32)
+        if self._lines is not None and self._broken is not None:
+            lines = self._lines[rows, columns]
+            # On a line its surroundings do not tell what is expected.
+            broken = self._broken[np.minimum(label, self.itself - 1), lines]
+            np.copyto(cost, broken, where=lines > 0)
         cost[label == self.itself] = 0
         return cost
 

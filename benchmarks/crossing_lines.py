@@ -1,9 +1,9 @@
 """Lines that cross a hole: ``python benchmarks/crossing_lines.py [sheet.png [rows …]]``.
 
 Twenty holes in photographs and drawn grounds, each crossed by 1 to 4 lines that are drawn there: kerbs (two
-tones that meet), painted lines, wires, paths, horizons. What `fill` puts there is compared with what was drawn
-across the hole: an edge is joined if it lies within 1.5 px of where it should be on nine tenths of its length,
-and the line through these places within 3° of it. Set PYTHONPATH to measure another version.
+tones that meet), painted lines, wires, paths, horizons. What `fill` puts there is compared with what was
+drawn across the hole: an edge is joined if it lies within 1.5 px of where it should be on nine tenths of its
+length, and the line through these places within 3° of it. Set PYTHONPATH to measure another version.
 """
 
 from __future__ import annotations

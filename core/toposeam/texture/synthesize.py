@@ -35,7 +35,7 @@ from toposeam.texture.guide import guide_of, patch_within
 from toposeam.texture.light.seam_easing import EasedLight, Level, level_for
 from toposeam.texture.light.slow_light import CopyLight, flattened, levelled_copies, without_light
 from toposeam.texture.material import Material, lay
-from toposeam.texture.objects.scattered_objects import ScatteredObjects, find_scattered
+from toposeam.texture.objects.scattered_objects import ScatteredObjects, atlas_without, find_scattered
 from toposeam.texture.periodicity.period import Order, find_order, given_order, likely_order
 from toposeam.texture.placement.options import VARIED, LayKeywords, LayOptions
 from toposeam.texture.placement.request import TextureRequest
@@ -222,20 +222,17 @@ def synth(
     features = atlas.spread(sources.features)
     wanted = guide_of(guide, widened(guide_source), guide_weight, atlas, sources, (height, width), turns)
     order = _order(sources, request.options, lattice) if wanted is None else None
-    sides, scattered = _sides(sources, patch, overlap), None
-    if (
-        wanted is None
-        and order is None
-        and len(read.shapes) == 1
-        and request.options.mend
-        and not transparent
-    ):
-        scattered, sides = _on_ground(find_scattered(features, atlas), sides, sized=patch is not None)
+    alone = [order is None, wanted is None, len(read.shapes) == 1, request.options.mend > 0, not transparent]
+    scattered, sides = _on_ground(
+        find_scattered(features, atlas) if all(alone) else None,
+        _sides(sources, patch, overlap),
+        sized=patch is not None,
+    )
     side, lap = sides[-1] if setting != "auto" and SETTINGS[setting].coarse else sides[0]
     if wanted is not None and patch is None and guide_weight:
         side, lap = check_patch(sources, patch_within(wanted, side), overlap)
     material = Material(
-        atlas=atlas if scattered is None else scattered.on(atlas),
+        atlas=atlas_without(scattered, atlas),
         features=features,
         order=order,
         guide=wanted,
@@ -248,8 +245,7 @@ def synth(
     tried: list[Tried] = []
     done = 0.0
     if setting == "auto" and not (named or transparent or wanted):
-        others, done = _other_orders(sources, material.order, request.options, lattice), 0.4
-        others = [] if scattered is not None else others
+        others, done = _other_orders(sources, material.order, request.options, lattice, scattered), 0.4
         seen = atlas.spread(colours(sources, request.white_of(sources), levelled=level is True))
         report = stage(progress, 0.0, done)
         tried, order = try_settings(
@@ -422,10 +418,14 @@ def _several(lattice: npt.ArrayLike) -> OptionError:
 
 
 def _other_orders(
-    sources: Sources, order: Order | None, options: LayOptions, lattice: npt.ArrayLike | None
+    sources: Sources,
+    order: Order | None,
+    options: LayOptions,
+    lattice: npt.ArrayLike | None,
+    scattered: ScatteredObjects | None,
 ) -> list[Order | None]:
-    """List the orders to be tried besides one: one that is guessed, and none."""
-    if lattice is not None or not options.close or len(sources.shapes) > 1:
+    """List the orders to be tried besides one: one that is guessed, and none; bare ground has none."""
+    if lattice is not None or not options.close or len(sources.shapes) > 1 or scattered is not None:
         return []
     guess = likely_order(sources.features[0], sources.usable[0])
     others: list[Order | None] = (

@@ -101,9 +101,10 @@ class ScatteredObjects:
         reached = box_sum(np.pad(places, side - 1), (side, side)) > 0
         return int(np.count_nonzero(reached)), int(np.count_nonzero(places))
 
-    def on(self, atlas: Atlas) -> Atlas:
-        """Return the atlas of which only ground may be copied."""
-        return dataclasses.replace(atlas, copied=self.ground)
+
+def atlas_without(scattered: ScatteredObjects | None, atlas: Atlas) -> Atlas:
+    """Return the atlas of which only the ground between scattered objects may be copied, if there are any."""
+    return atlas if scattered is None else dataclasses.replace(atlas, copied=scattered.ground)
 
 
 def find_scattered(features: Floats32, atlas: Atlas) -> ScatteredObjects | None:

@@ -5,7 +5,7 @@ import pytest
 from scipy import ndimage
 
 import toposeam as ts
-from toposeam.texture.holes.crossing_lines import crossing_bands, kept_by, strips_of
+from toposeam.texture.holes import crossing_bands, kept_by, strips_of
 
 SIDE = 200
 

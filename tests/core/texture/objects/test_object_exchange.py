@@ -67,7 +67,7 @@ def shown(placer, objects):
 
 
 def test_the_room_of_objects_has_two_doors():
-    scattered = ["ScatteredObjects", "find_scattered", "lay_scattered"]
+    scattered = ["ScatteredObjects", "atlas_without", "find_scattered", "lay_scattered"]
     assert objects_room.__all__ == [*scattered, "make_objects_whole"]
 
 

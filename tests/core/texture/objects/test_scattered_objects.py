@@ -6,7 +6,7 @@ from scipy import ndimage
 
 import toposeam as ts
 from toposeam.texture.exemplar import Atlas
-from toposeam.texture.objects import find_scattered
+from toposeam.texture.objects import atlas_without, find_scattered
 
 SIDE = 160
 
@@ -84,7 +84,7 @@ def test_patches_find_room_in_the_ground():
     atlas, found = of(image)
     side = found.side_for(88)
     assert 28 <= side < 88
-    assert (found.on(atlas).copied & found.shown).sum() == 0
+    assert (atlas_without(found, atlas).copied & found.shown).sum() == 0
 
 
 def test_the_texture_is_the_same_for_two_processes():

@@ -41,7 +41,15 @@ _LEAST_KEPT, _LOSS, _ALIKE = 0.66, 0.4, 0.5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BorderFit:
-    """How a picture is bent and cropped so that its lines go on across its borders."""
+    """How a picture is bent and cropped so that its lines go on across its borders.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> bend = BorderFit(np.full(40, 4.0), None, (slice(0, 40), slice(2, 38)))
+    >>> bend.most, bend.apply(np.ones((40, 40))).shape
+    (2.0, (40, 36))
+    """
 
     #: (W,) shift to the right, px, of each column from the upper to the lower border, and (H,) shift down of
     #: each row from the left to the right one; None for none.

@@ -259,8 +259,9 @@ def _stitched(
         shifts = candidate_shifts(piece, features, part[seen], missing, _SHIFTS, rng)
         del features, piece
         bands = _crossing(request, holed, part[seen], (ground & ~hole)[seen], seen)
-        reach = _LINE_REACH * max(side.stop - side.start for side in box_of(part))
-        shifts = np.concatenate([shifts, *(band.shifts(reach) for band in bands)])
+        if bands:
+            reach = _LINE_REACH * max(side.stop - side.start for side in box_of(part))
+            shifts = np.concatenate([shifts, *(band.shifts(reach) for band in bands)])
         view = Ground(
             planes=partial(holed.sources.feature_planes, 0, seen),
             hole=part[seen],

@@ -15,7 +15,7 @@ from toposeam_cli.app.command import Command, option
 from toposeam_cli.app.options import FILE, OUTPUT
 from toposeam_cli.app.progress import say, share_bar
 from toposeam_cli.media.pictures.picture import Picture
-from toposeam_cli.textures.maps import white_of
+from toposeam_cli.textures.maps import Maps, white_of
 from toposeam_cli.textures.options import (
     Results,
     Search,
@@ -25,6 +25,9 @@ from toposeam_cli.textures.options import (
     summary,
     unfolded,
 )
+
+#: A bent picture is taken if its joints are seen this many times as much as those of the picture as it is.
+_MUCH_BETTER = 0.6
 
 
 @click.command(
@@ -62,7 +65,8 @@ from toposeam_cli.textures.options import (
     default="auto",
     show_default=True,
     help="auto: where an order is seen, crop to the largest size on which bricks, threads or lines close "
-    "without being stretched; keep: never.",
+    "without being stretched, and where lines end in the band, bend by up to 8° and crop so that they go on; "
+    "keep: never.",
 )
 @option("--flatten", heading="Light", is_flag=True, help="Take slow light out of IMAGE first.")
 @option(
@@ -105,17 +109,29 @@ def tile(
     if cropped:
         picture, maps = _cropped(picture, fits), maps.changed(partial(_cropped, size=fits))
     with share_bar(f"closing {image.name}", results.quiet) as progress:
-        made = ts.tile(
-            picture.pixels,
-            band=band,
-            tileable=tileable,
-            flatten=flatten,
-            level=level,
-            alpha=picture.alpha,
-            progress=progress,
-            **maps.keywords(picture, search.weights),
-            **search.keywords(),
-        )
+
+        def closed(picture: Picture, maps: Maps) -> ts.texture.Synthesis:
+            return ts.tile(
+                picture.pixels,
+                band=band,
+                tileable=tileable,
+                flatten=flatten,
+                level=level,
+                alpha=picture.alpha,
+                progress=progress,
+                **maps.keywords(picture, search.weights),
+                **search.keywords(),
+            )
+
+        made = closed(picture, maps)
+        fit = None if cropped or size == "keep" else _border_fit(picture, tileable, made)
+        if fit is not None:
+            others = fit[0], maps.changed(partial(_bent, fit=fit[1], mixed=False))
+            again = closed(*others)
+            fit = fit if again.verdict.noticed <= _MUCH_BETTER * made.verdict.noticed else None
+            if fit is not None:
+                made, (picture, maps) = again, others
+                fits = made.labels.shape
     goes.write(made, picture, maps)
     if results.as_json:
         say(json.dumps(summary(output, made), indent=2), lines=True)
@@ -125,13 +141,29 @@ def tile(
             f"{output}: {width} × {height} px, {counted(made.count, 'patch')} in a band of "
             f"{made.settings['band']} px, {made.verdict}"
         )
-        if cropped:
+        if fit is not None:
+            say(f"bent by up to {fit[1].most:.0f} px so that its lines go on (--size keep: not)")
+        elif cropped:
             say("cropped to where its order closes (--size keep: not)")
         elif fits != (height, width):
             say(
                 f"its order does not close on this size; cropped to {fits[1]} × {fits[0]} px it does (--size "
                 "auto)"
             )
+
+
+def _border_fit(
+    picture: Picture, tileable: ts.texture.Tileable, made: ts.texture.Synthesis
+) -> tuple[Picture, ts.texture.BorderFit] | None:
+    """Bend a picture so that its lines go on, if joints are seen in what has been made of it as it is."""
+    if made.verdict.unseen or picture.alpha is not None:
+        return None
+    fit = ts.texture.fit_borders(picture.pixels, tileable=tileable, data_range=white_of(picture))
+    return None if fit is None else (_bent(picture, fit=fit, mixed=True), fit)
+
+
+def _bent(picture: Picture, fit: ts.texture.BorderFit, *, mixed: bool) -> Picture:
+    return dataclasses.replace(picture, pixels=fit.apply(picture.pixels, mixed=mixed))
 
 
 def _closing_size(picture: Picture, tileable: ts.texture.Tileable) -> tuple[int, int]:

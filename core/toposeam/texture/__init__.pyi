@@ -1,3 +1,4 @@
+from .border_fit import BorderFit, fit_borders
 from .canvas.synthesis import Synthesis, apply_coordinates
 from .canvas.tileable import TILEABLE, Tileable
 from .canvas.visible_joints import JointVerdict
@@ -15,6 +16,7 @@ __all__ = [
     "SETTINGS",
     "TILEABLE",
     "TURNS",
+    "BorderFit",
     "JointVerdict",
     "LayOptions",
     "Synthesis",
@@ -22,6 +24,7 @@ __all__ = [
     "Tileable",
     "apply_coordinates",
     "closing_size",
+    "fit_borders",
     "flatten_light",
     "natural_patch",
     "tile_set",

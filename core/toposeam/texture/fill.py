@@ -24,6 +24,7 @@ from toposeam.texture.exemplar.atlas import Atlas
 from toposeam.texture.exemplar.patch_search import box_sum
 from toposeam.texture.exemplar.scale import SMALLEST_PATCH
 from toposeam.texture.exemplar.sources import DataRange, Images
+from toposeam.texture.holes.crossing_lines import CrossingBand, crossing_bands, kept_by, strips_of
 from toposeam.texture.holes.hole_window import Holed, read_holed
 from toposeam.texture.holes.homogeneity import is_texture
 from toposeam.texture.holes.shift_candidates import candidate_shifts
@@ -46,6 +47,8 @@ _ONE_PATCH_SIZE = 2.0
 _BAND = 8
 #: Number of shifts by which a picture repeats itself that are tried.
 _SHIFTS = 32
+#: Length of the part of a crossing line that may be copied, as a share of the hole's size.
+_LINE_REACH = 1.0
 #: Largest distance between holes that are filled together, as a share of their size.
 _GROUP_DISTANCE = 0.25
 #: Number of pixels near a hole, about, that are searched in larger pictures.
@@ -255,12 +258,18 @@ def _stitched(
         features = piece.spread([holed.sources.features_in(0, seen)])
         shifts = candidate_shifts(piece, features, part[seen], missing, _SHIFTS, rng)
         del features, piece
+        bands = _crossing(request, holed, part[seen], (ground & ~hole)[seen], seen)
+        if bands:
+            reach = _LINE_REACH * max(side.stop - side.start for side in box_of(part))
+            shifts = np.concatenate([shifts, *(band.shifts(reach) for band in bands)])
         view = Ground(
             planes=partial(holed.sources.feature_planes, 0, seen),
             hole=part[seen],
             copied=copied[seen],
             present=ground[seen] & (~missing | part[seen]),
             near=beside[seen],
+            lines=strips_of(bands, part[seen]) if bands else None,
+            keeps=kept_by(bands, shifts) if bands else None,
         )
         report = stage(progress, done / total, int(part.sum()) / total)
         label = shift_map(view, shifts, options.method, report)
@@ -269,6 +278,15 @@ def _stitched(
             at = shown[0].start + seen[0].start, shown[1].start + seen[1].start
             yield at, shifts[index], label[shown] == index
         done += int(part.sum())
+
+
+def _crossing(
+    request: TextureRequest, holed: Holed, part: Mask, known: Mask, seen: tuple[slice, slice]
+) -> list[CrossingBand]:
+    """Find the straight lines that cross a hole in a window of the picture."""
+    image = holed.sources.planes[0][0][seen]
+    gray = image.mean(axis=2, dtype=np.float32) / np.float32(request.white_of(holed.sources))
+    return crossing_bands(gray, part, known)
 
 
 def _surroundings(part: Mask, copied: Mask, restricted: bool) -> tuple[slice, slice]:

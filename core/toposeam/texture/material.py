@@ -16,6 +16,7 @@ from toposeam.texture.exemplar.atlas import Atlas
 from toposeam.texture.exemplar.patch_search import reduced
 from toposeam.texture.exemplar.turns import Turns
 from toposeam.texture.objects.object_exchange import make_objects_whole
+from toposeam.texture.objects.scattered_objects import ScatteredObjects, lay_scattered
 from toposeam.texture.periodicity.period import STRETCH, Order
 from toposeam.texture.periodicity.phase import Phase
 from toposeam.texture.placement.options import LayOptions
@@ -95,6 +96,7 @@ def lay(
     processes: int = 1,
     progress: Report | None = None,
     shown: Report | None = None,
+    scattered: ScatteredObjects | None = None,
 ) -> tuple[int, int]:
     """Fill a canvas with patches, and mend it where that shows; return their height and width, px.
 
@@ -106,6 +108,8 @@ def lay(
     processes : int
     progress, shown : callable, optional
         Called with the share of the work, and of the patches, that is done.
+    scattered : ScatteredObjects, optional
+        Objects that are laid last.
     """
     canvas, options = placer.canvas, placer.options
     shape, count = shape_on(canvas, side, overlap), patches_on(canvas, side, overlap)
@@ -118,6 +122,8 @@ def lay(
         elif options.mend:  # where seams are bad they cut objects, and those are replaced
             make_objects_whole(placer, shape, crew, most)
         crew.dismiss()
+    if scattered is not None:
+        lay_scattered(placer, scattered)
     if progress is not None:
         progress(1.0)
     return shape

@@ -87,6 +87,8 @@ def try_settings(
     request: TextureRequest,
     size: tuple[int, int],
     progress: Report | None = None,
+    *,
+    varied: bool = False,
 ) -> tuple[list[Tried], Order | None]:
     """Lay a small texture with each setting, at reduced size where the samples are large; and with the best
     of them those that keep other orders.
@@ -105,6 +107,8 @@ def try_settings(
     size : (int, int)
         Height and width of the texture that is wanted, px.
     progress : callable, optional
+    varied : bool
+        Whether settings that take only what fits best, and repeat it, are left out.
 
     Returns
     -------
@@ -123,7 +127,11 @@ def try_settings(
         for length in (side, round(_LARGER * side))
     )
     judge = _Judge(small, seen)
-    names = [name for name in SETTINGS if len(patches) > SETTINGS[name].coarse]
+    names = [
+        name
+        for name, (coarse, variation) in SETTINGS.items()
+        if len(patches) > coarse and (variation or not varied)
+    ]
     part = 1 / (len(names) + 1)
 
     def attempt(
@@ -203,7 +211,7 @@ class _Judge:
         self._busy = busyness(seen, self._atlas.usable)
         place = max(self._atlas.places, key=lambda one: seen[one].size)
         self._order = _order(seen[place].mean(axis=2, keepdims=True), self._atlas.usable[place])
-        guard = find_landmarks(material.features, self._atlas.usable, self._atlas.factor).guard
+        guard = find_landmarks(material.features, self._atlas.copied, self._atlas.factor).guard
         self._objects = None if guard is None else guard.reshape(seen.shape[:2]) > 0
 
     def verdict(self, canvas: IndexCanvas) -> JointVerdict:

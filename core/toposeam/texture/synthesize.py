@@ -35,6 +35,7 @@ from toposeam.texture.guide import guide_of, patch_within
 from toposeam.texture.light.seam_easing import EasedLight, Level, level_for
 from toposeam.texture.light.slow_light import CopyLight, flattened, levelled_copies, without_light
 from toposeam.texture.material import Material, lay
+from toposeam.texture.objects.scattered_objects import ScatteredObjects, atlas_without, find_scattered
 from toposeam.texture.periodicity.period import Order, find_order, given_order, likely_order
 from toposeam.texture.placement.options import VARIED, LayKeywords, LayOptions
 from toposeam.texture.placement.request import TextureRequest
@@ -214,20 +215,26 @@ def synth(
     )
     parts = _shares(shares, len(read.shapes))
     sources = turned_sources(read, turns)
-    sides = _sides(sources, patch, overlap)
-    side, lap = sides[-1] if setting != "auto" and SETTINGS[setting].coarse else sides[0]
     atlas = Atlas.of(sources.present, request.options.context, sources.usable)
     if level is True:
         even = tuple(map(without_light, sources.features, sources.present, sources.usable))
         sources = dataclasses.replace(sources, features=even)
     features = atlas.spread(sources.features)
     wanted = guide_of(guide, widened(guide_source), guide_weight, atlas, sources, (height, width), turns)
+    order = _order(sources, request.options, lattice) if wanted is None else None
+    alone = [order is None, wanted is None, len(read.shapes) == 1, request.options.mend > 0, not transparent]
+    scattered, sides = _on_ground(
+        find_scattered(features, atlas) if all(alone) else None,
+        _sides(sources, patch, overlap),
+        sized=patch is not None,
+    )
+    side, lap = sides[-1] if setting != "auto" and SETTINGS[setting].coarse else sides[0]
     if wanted is not None and patch is None and guide_weight:
         side, lap = check_patch(sources, patch_within(wanted, side), overlap)
     material = Material(
-        atlas=atlas,
+        atlas=atlas_without(scattered, atlas),
         features=features,
-        order=_order(sources, request.options, lattice) if wanted is None else None,
+        order=order,
         guide=wanted,
         shares=None if parts is None else np.repeat(parts, count_of(turns)).tolist(),
         turns=turns,
@@ -238,10 +245,12 @@ def synth(
     tried: list[Tried] = []
     done = 0.0
     if setting == "auto" and not (named or transparent or wanted):
-        others, done = _other_orders(sources, material.order, request.options, lattice), 0.4
+        others, done = _other_orders(sources, material.order, request.options, lattice, scattered), 0.4
         seen = atlas.spread(colours(sources, request.white_of(sources), levelled=level is True))
         report = stage(progress, 0.0, done)
-        tried, order = try_settings(material, others, seen, sides, request, (height, width), report)
+        tried, order = try_settings(
+            material, others, seen, sides, request, (height, width), report, varied=scattered is not None
+        )
         setting = tried[0].name if tried else "varied"
         side, lap = sides[-1] if SETTINGS[setting].coarse else sides[0]
         request = request.varied(
@@ -251,7 +260,7 @@ def synth(
     placer = material.placer((height, width), request.wraps, request.options, request.rng)
     canvas = placer.canvas
     shown = None if preview is None else Previews(preview, sources, atlas, canvas)
-    shape = lay(placer, side, lap, processes, stage(progress, done, 1 - done), shown)
+    shape = lay(placer, side, lap, processes, stage(progress, done, 1 - done), shown, scattered)
     fits = None if material.order is None else material.order.better_size((height, width), request.wraps)
     periods = None if material.order is None else material.order.periods.tolist()
     del placer, material, wanted  # a guide takes more memory than the picture
@@ -302,6 +311,21 @@ def _sides(sources: Sources, patch: int | None, overlap: float | None) -> list[t
     if patch is None and coarse > sides[0][0]:
         sides.append(check_patch(sources, coarse, overlap))
     return sides
+
+
+def _on_ground(
+    scattered: ScatteredObjects | None, sides: list[tuple[int, int]], *, sized: bool
+) -> tuple[ScatteredObjects | None, list[tuple[int, int]]]:
+    """Reduce patches, given by side and overlap, to what the ground between scattered objects has room for;
+    none are scattered where it has no room.
+    """
+    found = [] if scattered is None else [scattered.side_for(side) for side, _ in sides]
+    fitting = [
+        (new, max(2, lap * new // side))
+        for new, (side, lap) in zip(found, sides, strict=False)
+        if new is not None and (new == side or not sized)
+    ]
+    return (scattered, list(dict.fromkeys(fitting))) if fitting else (None, sides)
 
 
 def _check_room(
@@ -394,10 +418,14 @@ def _several(lattice: npt.ArrayLike) -> OptionError:
 
 
 def _other_orders(
-    sources: Sources, order: Order | None, options: LayOptions, lattice: npt.ArrayLike | None
+    sources: Sources,
+    order: Order | None,
+    options: LayOptions,
+    lattice: npt.ArrayLike | None,
+    scattered: ScatteredObjects | None,
 ) -> list[Order | None]:
-    """List the orders to be tried besides one: one that is guessed, and none."""
-    if lattice is not None or not options.close or len(sources.shapes) > 1:
+    """List the orders to be tried besides one: one that is guessed, and none; bare ground has none."""
+    if lattice is not None or not options.close or len(sources.shapes) > 1 or scattered is not None:
         return []
     guess = likely_order(sources.features[0], sources.usable[0])
     others: list[Order | None] = (

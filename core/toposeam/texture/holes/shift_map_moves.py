@@ -20,6 +20,9 @@ from toposeam.texture.holes.expectation import Planes, gap_box
 
 #: Weight of the data term against the seams.
 _DATA_WEIGHT = 6.0
+#: Cost of a pixel on a line whose shift does not lay the line on itself; an interface from white to black
+#: costs 1.
+_BROKEN_LINE = 4.0
 #: Largest distance between a finer seam and the coarser one, in coarser pixels.
 _BAND = 2
 #: Largest number of decisions, pixels times shifts, of a whole region. Above it the region is decided window
@@ -45,6 +48,10 @@ class Ground:
     present: Mask
     #: (H, W) bool: the hole and the band round it, where shifts are chosen.
     near: Mask
+    #: (H, W) int32, the number of the line that crosses the hole at each pixel, 0 for none; and
+    #: (K, lines + 1) bool, whether a shift lays it on itself. None where no line crosses the hole.
+    lines: Ints32 | None = None
+    keeps: Mask | None = None
 
 
 class ShiftMoves:
@@ -101,6 +108,9 @@ class ShiftMoves:
         radius = max(float(deepest), 1.0)
         self.weight = (np.float32(_DATA_WEIGHT * stride / radius) * self.hole).astype(np.float32)
         self._like = like
+        self._lines = None if ground.lines is None else ground.lines[at]
+        #: (K, lines + 1) cost of a pixel on a line by its shift.
+        self._broken = None if ground.keeps is None else np.float32(_BROKEN_LINE) * ~ground.keeps
         self.label = np.full(self.hole.shape, self.itself, np.intp)
         #: Distance beyond their edges within which shifts expand; None for anywhere.
         self._reach: int | None = None
@@ -144,6 +154,11 @@ class ShiftMoves:
         """Return the data term of a labelling of some pixels."""
         apart = np.abs(self._brought(self._like, label, rows, columns) - self.wanted[rows, columns])
         cost: Floats32 = self.weight[rows, columns] * np.einsum("...c->...", apart)
+        if self._lines is not None and self._broken is not None:
+            lines = self._lines[rows, columns]
+            # On a line its surroundings do not tell what is expected.
+            broken = self._broken[np.minimum(label, self.itself - 1), lines]
+            np.copyto(cost, broken, where=lines > 0)
         cost[label == self.itself] = 0
         return cost
 

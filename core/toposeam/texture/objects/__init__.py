@@ -1,6 +1,6 @@
-"""Make objects on a ground whole in a finished texture, and exchange those that repeat near by.
+"""Whole objects on a ground: few ones are laid last, and many are made whole in a finished texture.
 
-:func:`make_objects_whole` is the only door of this room.
+:func:`find_scattered` with :func:`lay_scattered`, and :func:`make_objects_whole`, are the doors of this room.
 """
 
 import lazy_loader

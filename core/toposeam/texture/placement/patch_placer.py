@@ -101,7 +101,7 @@ class PatchPlacer:
             if variety:
                 near = NearCopyPenalty(atlas, canvas, variety)
             if guide is None and variety:
-                weight, self.guard = find_landmarks(features, atlas.usable, atlas.factor)
+                weight, self.guard = find_landmarks(features, atlas.copied, atlas.factor)
                 objects = self.guard is not None
                 if not canvas.patches:  # visible pixels are continued unchanged
                     feature_shares = FeatureShares(

@@ -66,8 +66,9 @@ def shown(placer, objects):
     return objects[place[..., 0], place[..., 1]]
 
 
-def test_the_room_of_objects_has_one_door():
-    assert objects_room.__all__ == ["make_objects_whole"]
+def test_the_room_of_objects_has_two_doors():
+    scattered = ["ScatteredObjects", "atlas_without", "find_scattered", "lay_scattered"]
+    assert objects_room.__all__ == [*scattered, "make_objects_whole"]
 
 
 def test_objects_and_where_they_show_are_found():

@@ -164,9 +164,7 @@ def write_print(
     """
     settings = {**paper.note(), **(note or {}), **made.record}
     if output.suffix.lower() in DRAWINGS:
-        options = ts.motif.SvgOptions(
-            levels=paper.levels, width_mm=paper.width_mm, transparent=paper.transparent
-        )
+        options = drawing_options(made, paper)
         if output.suffix.lower() == ".pdf":
             page = draw_pdf(made, paper.counts, options=options, metadata=to_xmp(settings))
             atomic_write(output, page, force)
@@ -186,6 +184,14 @@ def write_print(
                 plate = separation(layer, paper.resolution, {**settings, "separation": name})
                 write_picture(plate_path(output, number, name), plate, force)
     return f"{image.shape[1]} × {image.shape[0]} px"
+
+
+def drawing_options(made: Inked, paper: Print) -> ts.motif.SvgOptions:
+    """Return the options with which a print is drawn."""
+    frame = made.frame if paper.frame and isinstance(made, ts.motif.Motif) else 0.0
+    return ts.motif.SvgOptions(
+        levels=paper.levels, width_mm=paper.width_mm, transparent=paper.transparent, frame=frame
+    )
 
 
 def renamed(recipe: ts.motif.Recipe, names: str | None, edges: str | None) -> ts.motif.Recipe:

@@ -1,11 +1,13 @@
 from .arrangement import Arrangement, arrange, random_arrangement
 from .generate import random_recipe
+from .growth import Growth, grow
 from .ink.palettes import PALETTES, Palette, palette
 from .ink.stroke_edges import EDGES
 from .ink.svg import SvgOptions, draw_svg
 from .join import JoinedMotifs, border_mismatch, join_motifs
 from .motif import Motif, repeat_densities
 from .optimise.layer import Step
+from .recipe.composition import OUTLINES, places_in_drawing, places_in_picture
 from .recipe.recipe import LayerRecipe, Recipe
 from .recipe.simplify import simplify
 from .recipe.styles import STYLES, Style
@@ -16,10 +18,12 @@ from .variation import restyle, vary
 
 __all__ = [
     "EDGES",
+    "OUTLINES",
     "PALETTES",
     "REPEATS",
     "STYLES",
     "Arrangement",
+    "Growth",
     "JoinedMotifs",
     "LayerRecipe",
     "Motif",
@@ -32,9 +36,12 @@ __all__ = [
     "border_mismatch",
     "border_visibility",
     "draw_svg",
+    "grow",
     "join_motifs",
     "kaleidoscope",
     "palette",
+    "places_in_drawing",
+    "places_in_picture",
     "random_arrangement",
     "random_recipe",
     "repeat_densities",

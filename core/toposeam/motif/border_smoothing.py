@@ -61,7 +61,7 @@ def smooth_borders(
         Makes the motif of densities.
     """
     motif = make(list(densities))
-    if recipe.repeat == "none" or recipe.layers[0].style == "thesis":
+    if recipe.repeat == "none" or recipe.layers[0].style == "thesis" or recipe.outline:
         return motif
     prints = [_laid(motif, index) for index in range(len(densities))]
     best, planes = motif, _visibilities(motif, prints)
@@ -195,7 +195,7 @@ def smooth_row_borders(
             row = [_balance([one], -beside, axis, [own], repeat)[0] for one, own in each]
             continue
         row = [_balance([one], on, axis, [own], repeat)[0] for one, own in each]
-        tones = _Tones(axis, prints)
+        tones = _Tones(axis, prints, repeat)
         if tones.visibility(row, given) > _MAX_TONE_VISIBILITY:
             row = tones.even_out(row, given)
             each = list(zip(row, prints, strict=True))
@@ -217,8 +217,8 @@ def _prints(row: list[Floats], edges: Sequence[str], repeat: str, given: Sequenc
 class _Tones:
     """Darkness of printed motifs towards the borders across an axis."""
 
-    def __init__(self, axis: int, prints: Sequence[Print]) -> None:
-        self._axis, self._prints = axis, prints
+    def __init__(self, axis: int, prints: Sequence[Print], repeat: str) -> None:
+        self._axis, self._prints, self._turning = axis, prints, repeat == "rotate"
 
     def of(self, density: Floats, index: int) -> Floats:
         """Return the mean of every row, or column, of a motif."""
@@ -231,7 +231,11 @@ class _Tones:
         rng = np.random.default_rng(0)
         grids = rng.integers(len(given), size=(_TRIAL_PATTERNS, 4, 4))
         side = tones.shape[1]
-        return max(line_visibility(tones[grid].mean(axis=1).reshape(-1, 1), side) for grid in grids)
+        turned = np.zeros((4, 4, 1), bool)
+        if self._turning:  # every second motif
+            turned = np.add.outer(np.arange(4), np.arange(4))[..., np.newaxis] % 2 == 1
+        laid = (np.where(turned, tones[grid][..., ::-1], tones[grid]) for grid in grids)
+        return max(line_visibility(each.mean(axis=1).reshape(-1, 1), side) for each in laid)
 
     def even_out(self, row: list[Floats], given: Sequence[int]) -> list[Floats]:
         """Move the tones of all motifs at their borders towards the mean tone of the given ones.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import inspect
 from collections.abc import Callable, Sequence
 from typing import Any, TypedDict, Unpack
@@ -27,19 +28,32 @@ from toposeam.colours import parse_colour
 from toposeam.errors import OptionError, Term
 from toposeam.heat.threads import one_thread
 from toposeam.motif.border_smoothing import smooth_borders
+from toposeam.motif.finishing import finish, spread_copies
 from toposeam.motif.ink.palettes import PALETTES, Palette, palette
 from toposeam.motif.ink.stroke_repair import repair_strokes
 from toposeam.motif.motif import Motif
-from toposeam.motif.optimise.conduction import nominal_conductivity
+from toposeam.motif.optimise.conduction import nominal_conductivity, outline_on_cell
 from toposeam.motif.optimise.hexagonal_lattice import tile_size, to_tile
-from toposeam.motif.optimise.layer import Step, optimise_layer
-from toposeam.motif.optimise.spots import Points, lay_spots, place_around, spots
-from toposeam.motif.recipe.recipe import LAWS, MAX_SIDE, MIN_SIDE, LayerRecipe, Recipe, pack_base, unpack_base
+from toposeam.motif.optimise.layer import Step, optimise_layer, problem_at
+from toposeam.motif.optimise.spots import Points, inside_only, lay_spots, place_around, spots
+from toposeam.motif.recipe.composition import pack_guide, pack_outline
+from toposeam.motif.recipe.recipe import (
+    LAWS,
+    MAX_SIDE,
+    MIN_SIDE,
+    PLACES,
+    LayerRecipe,
+    Recipe,
+    pack_base,
+    unpack_base,
+)
 from toposeam.motif.recipe.styles import STYLES, draw_rule, styles_of
 from toposeam.motif.symmetry.rules import HEXAGONAL, check_repeat
 
 #: Least penalty exponent of a layer that is drawn in strokes; below, it is ink wash.
 _MIN_STROKE_PENALTY = 1.75
+#: Least penalty exponent that is drawn where strokes are to be cut out.
+_MIN_CUT_PENALTY = 3.0
 
 
 class RecipeKeywords(TypedDict, total=False):
@@ -68,6 +82,14 @@ class RecipeKeywords(TypedDict, total=False):
     palette: str | Palette | npt.ArrayLike | None
     paper: str | None
     inking: str
+    outline: str | npt.ArrayLike | None
+    place: str | Sequence[str] | None
+    scale: int | Sequence[int]
+    guide: npt.ArrayLike | None
+    knock_out: bool
+    trap: float
+    one_piece: str
+    bridge: float
 
 
 #: Most layers of a motif.
@@ -81,6 +103,7 @@ def generate_motif(
     *,
     max_megapixels: float = MAX_MEGAPIXELS,
     progress: Callable[[float], None] | None = None,
+    watch: Callable[[int, Floats], None] | None = None,
     **options: Unpack[RecipeKeywords],
 ) -> Motif:
     """Generate a motif by heat conduction; ``ts.motif(…)`` calls it, too.
@@ -94,6 +117,9 @@ def generate_motif(
         recipe may ask for days and many gigabytes.
     progress : callable, optional
         Called with the share done, in [0, 1].
+    watch : callable, optional
+        Called after each iteration with the index of its layer, and the layer's density on the plate of that
+        iteration, which may be coarser than the cell.
     **options
         Options of :func:`random_recipe`; only with a size.
 
@@ -118,6 +144,7 @@ def generate_motif(
     (32, 32, 3)
     """
     check_function("progress", progress)
+    check_function("watch", watch)
     if isinstance(source, Recipe):
         if options:
             raise OptionError(
@@ -140,23 +167,31 @@ def generate_motif(
             )
         recipe = random_recipe(source, **options)
     check_work(recipe, max_megapixels)
-    alone = [recipe.of_layer(index) for index in range(len(recipe.layers))]
+    alone = [on_outline(recipe.of_layer(index)) for index in range(len(recipe.layers))]
     total = sum(each.iterations for each in alone)
     densities: list[npt.NDArray[np.float32]] = []
     history: list[tuple[Step, ...]] = []
-    for own in alone:
+    for index, own in enumerate(alone):
 
-        def report(done: int, _density: Floats, before: int = sum(map(len, history))) -> None:
+        def report(done: int, density: Floats, before: int = sum(map(len, history)), layer: int = index) -> None:
+            if watch is not None:
+                watch(layer, density)
             if progress is not None:
                 progress((before + done) / total)
 
-        taken = np.stack(densities).sum(axis=0).astype(np.float64) if densities else None
+        alike = densities and own.size == recipe.size
+        taken = np.stack(densities).sum(axis=0).astype(np.float64) if alike else None
         with one_thread():
             density, steps = optimise_layer(own, taken, report)
         mass = own.layers[0].mass
-        densities.append(repair_strokes(density, recipe.repeat, mass) if own.filter_radius else density)
+        density = repair_strokes(density, own.repeat, mass) if own.filter_radius else density
+        densities.append(spread_copies(density, recipe, index))
         history.append(steps)
-    return smooth_borders(densities, recipe, lambda layers: make_motif(recipe, layers, history))
+
+    def make(layers: list[npt.NDArray[np.float32]]) -> Motif:
+        return make_motif(recipe, layers, history)
+
+    return finish(smooth_borders(densities, recipe, make), make)
 
 
 def check_work(recipe: Recipe, max_megapixels: float, depth: int = 1) -> None:
@@ -237,6 +272,14 @@ def random_recipe(
     palette: str | Palette | npt.ArrayLike | None = None,
     paper: str | None = None,
     inking: str = "transparent",
+    outline: str | npt.ArrayLike | None = None,
+    place: str | Sequence[str] | None = None,
+    scale: int | Sequence[int] = 1,
+    guide: npt.ArrayLike | None = None,
+    knock_out: bool = False,
+    trap: float = 0.0,
+    one_piece: str = "",
+    bridge: float = 2.0,
 ) -> Recipe:
     """Return a recipe; every parameter that is not given is drawn at random.
 
@@ -279,6 +322,17 @@ def random_recipe(
         Colour of the paper, ``#rrggbb``; by default the palette's.
     inking : str
         One of `INKINGS`; opaque inks are seen on dark paper.
+    outline : str or picture
+        A shape inside or outside of which layers lie: one of `OUTLINES`, or a picture, where what is opaque,
+        or else dark, is inside. `mass` is then the inked share of their part of the cell.
+    place : str or one per layer
+        One of `PLACES`; by default "inside" if there is an outline.
+    scale : int or one per layer
+        Number of copies of the layer along each side of the cell, such as 3 for a fine ground.
+    guide : picture
+        Lines, dark or opaque, along which strokes run.
+    knock_out, trap, one_piece, bridge
+        See :class:`Recipe`.
 
     Raises
     ------
@@ -297,7 +351,7 @@ def random_recipe(
         layers = check_whole("layers", layers, 1, _MOST_LAYERS)
     seed = seed_of(seed)
     free = sources is None and sinks is None
-    styles = styles_of(style, seed, layers, free and base is None)
+    styles = styles_of(style, seed, layers, free and base is None and outline is None)
     layers = len(styles)
     repeat = draw_rule(styles, seed, shape) if repeat is None else repeat
     check_repeat(repeat, shape)
@@ -317,6 +371,9 @@ def random_recipe(
         base_law = "brightness" if styles[0] == "thesis" else "contrast"
     check_choice("base_law", base_law, LAWS)
     packed = "" if base is None else pack_base(base)
+    shape_of_outline = "" if outline is None else pack_outline(outline, shape)
+    places = _words(place, layers, "place") if place is not None else [PLACES[bool(outline is not None)]] * layers
+    copies = _counts(scale, layers)
     shown = (
         _base_conductivity(packed, base_strength, base_law) if packed and repeat not in HEXAGONAL else None
     )
@@ -328,8 +385,13 @@ def random_recipe(
         drawn_mass, (low_ambient, high_ambient) = float(draw.uniform(*like.mass)), like.ambient
         drawn_ambient = high_ambient - (high_ambient - low_ambient) * float(draw.random()) ** 2
         drawn_penalty = float(draw.uniform(1.0, 1.3)) if draw.random() < like.wash else like.penalty
+        if one_piece:  # wash has no edge to cut along
+            drawn_penalty = max(drawn_penalty, _MIN_CUT_PENALTY)
         aspect = shape[1] / shape[0]
         laid = lay_spots(like.lay, draw, seed, (low, high), aspect) if free else None
+        inside = None
+        if shape_of_outline and places[index] != "everywhere" and copies[index] == 1:
+            inside = outline_on_cell(shape_of_outline, places[index], repeat, shape)
         given = spots(
             _layer_points(sources, index, layers, "sources"),
             draw,
@@ -339,6 +401,7 @@ def random_recipe(
             "sources",
             repeat,
             shown,
+            inside,
         )
         drains = spots(
             _layer_points(sinks, index, layers, "sinks"),
@@ -349,12 +412,13 @@ def random_recipe(
             "sinks",
             repeat,
             shown,
+            inside,
         )
         if distance is not None:
             check_range(0, 1, above=True, distance=distance)  # of the cell's shorter side
             drains = place_around(given, drains, distance, draw, shape)
         if laid is not None:
-            given, drains = laid
+            given, drains = laid if inside is None else (inside_only(points, inside) for points in laid)
         exponent = _number(penalty, index, layers, drawn_penalty, "penalty")
         recipes.append(
             LayerRecipe(
@@ -364,11 +428,13 @@ def random_recipe(
                 ambient=drawn_ambient if ambient is None else ambient,
                 mass=_number(mass, index, layers, drawn_mass, "mass"),
                 penalty=exponent,
-                edge=_edge(edge, index, layers, exponent, styles[index]),
+                edge=_edge(edge, index, layers, exponent, "" if one_piece else styles[index]),
                 style=styles[index],
                 avoid=like.avoid if avoid is None else avoid,
                 iterations=_own(like.iterations, STYLES[styles[0]].iterations, iterations),
                 filter_radius=_own(like.filter_radius, STYLES[styles[0]].filter_radius, filter_radius),
+                place=places[index],
+                scale=copies[index],
             )
         )
     first = STYLES[styles[0]]
@@ -386,7 +452,57 @@ def random_recipe(
         base_strength=base_strength if packed else 0.0,
         base_law=base_law,
         inking=inking,
+        outline=shape_of_outline,
+        guide="" if guide is None else pack_guide(guide, shape),
+        knock_out=knock_out,
+        trap=trap,
+        one_piece=one_piece,
+        bridge=bridge,
     )
+
+
+def on_outline(own: Recipe) -> Recipe:
+    """Return the recipe of one layer with its mass as the mean on the whole cell, not only on its domain."""
+    layer = own.layers[0]
+    domain = problem_at(layer, own, own.size).domain
+    if domain is None:
+        return own
+    share = float(domain.mean())
+    if not share:
+        raise OptionError(
+            "by {repeat} the outline covers the whole cell, so that nothing lies {place} of it; take a "
+            "smaller one, or another rule",
+            kind="empty",
+            parameter=Term("outline"),
+            repeat=own.repeat,
+            place=layer.place,
+        )
+    return dataclasses.replace(own, layers=(dataclasses.replace(layer, mass=layer.mass * share),))
+
+
+def _words(value: str | Sequence[str], layers: int, name: str) -> list[str]:
+    values = [value] * layers if isinstance(value, str) else check_items(name, value, str, "a text, or one per layer")
+    _check_count(values, layers, name)
+    return list(values)
+
+
+def _counts(value: int | Sequence[int], layers: int) -> list[int]:
+    single = isinstance(value, int | np.integer)
+    values = [value] * layers if single else check_items("scale", value, object, "a whole number, or one per layer")
+    _check_count(values, layers, "scale")
+    return [check_whole("scale", each, 1, 32) for each in values]
+
+
+def _check_count(values: Sequence[Any], layers: int, name: str) -> None:
+    if len(values) != layers:
+        raise OptionError(
+            "{parameter} is given for {count} layers, the motif has {wanted}; give one, or one for each",
+            kind="count",
+            parameter=Term(name),
+            value=values,
+            count=len(values),
+            wanted=layers,
+        )
 
 
 def _own(value: Any, first: Any, given: Any) -> Any:
@@ -455,18 +571,7 @@ def _number(value: float | Sequence[float] | None, index: int, layers: int, draw
 def _edge(value: str | Sequence[str] | None, index: int, layers: int, penalty: float, style: str) -> str:
     if value is None:
         return "crisp" if penalty >= _MIN_STROKE_PENALTY and style != "thesis" else "soft"
-    several = [value] * layers if isinstance(value, str) else value
-    values = check_items("edge", several, str, "a text, or one for each layer")
-    if len(values) != layers:
-        raise OptionError(
-            "{parameter} is given for {count} layers, the motif has {wanted}; give one, or one for each",
-            kind="count",
-            parameter=Term("edge"),
-            value=values,
-            count=len(values),
-            wanted=layers,
-        )
-    return str(values[index])
+    return _words(value, layers, "edge")[index]
 
 
 def _base_conductivity(packed: str, strength: float, law: str) -> npt.NDArray[np.float64]:

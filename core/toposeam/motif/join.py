@@ -7,7 +7,7 @@ Two motifs A and B, each periodic, minimise
 
 with a mass bound each, f being the thermal compliance. The compound motif AB has them side by side and
 alternating in both directions, so that every border of one meets one of the other. Of more than two motifs,
-every pair is a compound.
+every pair is a compound. By the rule "rotate" the second motif is turned by 180° in it.
 
 *Stages.* A further stage fixes the motifs there are, and generates new ones between neighbours. A new motif
 has the sources and sinks of both neighbours, in proportion; it starts as a blend of both, and forms compounds
@@ -42,9 +42,11 @@ from toposeam.motif.symmetry.borders import (
     restore_mass,
 )
 from toposeam.motif.symmetry.rules import GENERATORS, symmetry
+from toposeam.motif.symmetry.tiling import copy_at
 
-#: Rules by which cells lie side by side unchanged, so that other cells may take their places.
-JOINABLE = ("translate", *GENERATORS)
+#: Rules by which cells lie side by side unchanged, or every second one turned, so that other cells may take
+#: their places.
+JOINABLE = ("translate", "rotate", *GENERATORS)
 #: Default width of the border that motifs share, as a share of the cell's shorter side.
 _SHARED_BORDER = 0.03
 
@@ -126,7 +128,8 @@ def border_mismatch(a: Motif, b: Motif) -> float:
     -------
     float
         Mean step of density across the borders a|b, b|a, a over b and b over a, divided by the mean step in
-        the first and last two rows and columns of both. About 1 where the border cannot be seen.
+        the first and last two rows and columns of both. About 1 where the border cannot be seen. By the rule
+        "rotate" b is turned.
 
     Examples
     --------
@@ -146,7 +149,8 @@ def border_mismatch(a: Motif, b: Motif) -> float:
             b=b.densities.shape,
         )
     across, within = [], []
-    for first, second in ((a.densities, b.densities), (b.densities, a.densities)):
+    beside = copy_at(b.densities, a.repeat, 0, int(a.repeat == "rotate"))
+    for first, second in ((a.densities, beside), (beside, a.densities)):
         for one, two in ((first, second), (first.swapaxes(1, 2), second.swapaxes(1, 2))):
             across.append(np.abs(one[..., -1] - two[..., 0]).mean())
             within.append(np.abs(one[..., -1] - one[..., -2]).mean())
@@ -305,6 +309,16 @@ def _check_recipes(recipes: Sequence[Recipe], weight: float, stages: int, betwee
     check_whole("between", between, 1, 10)
     check_whole("shared", shared, 0, min(recipes[0].size))
     first = recipes[0]
+    for recipe in recipes:
+        composed = {"outline": recipe.outline, "knock_out": recipe.knock_out, "one_piece": recipe.one_piece}
+        composed["scale"] = any(layer.scale > 1 for layer in recipe.layers)
+        for name, value in composed.items():
+            if value:
+                raise OptionError(
+                    "motifs that join each other know no {parameter}; join motifs without",
+                    kind="conflict",
+                    parameter=Term(name),
+                )
     if first.repeat not in JOINABLE:
         raise OptionError(
             "{parameter} is {value}; motifs that join each other must repeat by {allowed}",
@@ -323,7 +337,7 @@ def _check_recipes(recipes: Sequence[Recipe], weight: float, stages: int, betwee
             size=first.size[1] + 1,
         )
     for other in recipes[1:]:
-        for name in ("size", "repeat", "paper", "iterations", "move", "filter_radius", "coarse"):
+        for name in ("size", "repeat", "paper", "iterations", "move", "filter_radius", "coarse", "guide"):
             if getattr(other, name) != getattr(first, name):
                 raise OptionError(
                     "the recipes differ in {parameter} ({first!s} and {value!s}); give all the same",

@@ -46,7 +46,10 @@ def draw_pdf(
     height, width = motif.densities.shape[1:]
     copies, rows = lines_of_copies(motif.repeat, counts)
     laid = [row.after(copy) for row in rows for copy in copies]
-    places = [
+    sheet = width * counts[1], height * counts[0]
+    free = max(-options.frame, 0.0)
+    places = [f"{free:.4f} {free:.4f} {sheet[0] - 2 * free:.4f} {sheet[1] - 2 * free:.4f} re W n"]
+    places += [
         f"q {at.flip_x} 0 0 {at.flip_y} {at.x * width:.4f} {at.y * height:.4f} cm /C Do Q" for at in laid
     ]
     fine = fineness((height, width))
@@ -75,12 +78,12 @@ def draw_pdf(
         cell = document.stream(
             commands, f"/Type /XObject /Subtype /Form /BBox {box} /Resources << {resources} >>"
         )
-        whole = f"[0 0 {width * counts[1]:.4f} {height * counts[0]:.4f}]"
+        whole = f"[0 0 {sheet[0]:.4f} {sheet[1]:.4f}]"
         groups.append(
             document.stream(
-                places,
+                [*places, *_frame(sheet, options.frame)],
                 f"/Type /XObject /Subtype /Form /BBox {whole} /Group << /S /Transparency >> "
-                f"/Resources << /XObject << /C {cell} 0 R >> >>",
+                f"/Resources << /ColorSpace << /S {colours[-1]} 0 R >> /XObject << /C {cell} 0 R >> >>",
             )
         )
     content = [f"{scale:.8f} 0 0 {-scale:.8f} 0 {page[1]:.4f} cm"]
@@ -96,6 +99,14 @@ def draw_pdf(
         f"/Resources << /XObject << {shown} >> /ExtGState << /B {states[0]} 0 R >> >>",
         metadata,
     )
+
+
+def _frame(sheet: tuple[float, float], width: float) -> list[str]:
+    """Return the commands that paint a frame of ink along the edge of a sheet, if it has a width."""
+    if width <= 0:
+        return []
+    inner = f"{width:.4f} {width:.4f} {sheet[0] - 2 * width:.4f} {sheet[1] - 2 * width:.4f} re"
+    return ["/S cs 1 scn", f"0 0 {sheet[0]:.4f} {sheet[1]:.4f} re {inner} f*"]
 
 
 def _painted(

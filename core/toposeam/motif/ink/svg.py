@@ -10,7 +10,7 @@ a px beyond its border, so that neighbours overlap and no hairline shows between
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from typing import Any, Protocol, TypedDict, Unpack, runtime_checkable
@@ -81,6 +81,7 @@ class SvgKeywords(TypedDict, total=False):
     levels: int
     width_mm: float | None
     transparent: bool
+    frame: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,9 +102,13 @@ class SvgOptions:
     width_mm: float | None = None
     #: Leave the paper out, so that the background shows.
     transparent: bool = False
+    #: Width of a frame of ink round the whole, in elements, so that what the edge cuts off stays in one piece;
+    #: below 0 a frame without ink, for stencils.
+    frame: float = 0.0
 
     def __post_init__(self) -> None:
         check_whole("levels", self.levels, 1, 64)
+        check_range(-1000, 1000, frame=self.frame)
         if self.width_mm is not None:
             check_range(0, 1e5, above=True, width_mm=self.width_mm)
 
@@ -164,18 +169,87 @@ def draw_svg(
         except (TypeError, ValueError, RecursionError) as error:
             raise kind_error("note", note, "a mapping of what JSON can hold") from error
     height, width = motif.densities.shape[1:]
-    sheet = None if (rows, columns) == (1, 1) else _Sheet(motif.repeat, (rows, columns), (height, width))
+    sheet = _Sheet.of(motif, (rows, columns), chosen.frame)
+    settings = {**(note or {}), **motif.record}
+    return _document(motif, (rows, columns), chosen, settings, sheet, _inks(motif, chosen, sheet))
+
+
+def draw_frames(
+    frames: Sequence[Drawable],
+    counts: tuple[float, float],
+    seconds: tuple[float, float],
+    *,
+    options: SvgOptions,
+) -> str:
+    """Return an SVG document that shows drawings one after another, again and again.
+
+    Parameters
+    ----------
+    frames : sequence of Motif
+        Of one size. Where nothing moves, the last one shows.
+    counts : (rows, columns)
+    seconds : (float, float)
+        Duration of all of them, and of the last one after that.
+    options : SvgOptions
+
+    Raises
+    ------
+    OptionError
+        As of :func:`draw_svg`.
+    """
+    check_counts(counts)
+    last = frames[-1]
+    sheet = _Sheet.of(last, counts, options.frame)
+    whole = sum(seconds)
+    step = seconds[0] / len(frames) / whole
+    lines = []
+    for number, frame in enumerate(frames):
+        begin = number * step
+        end = 1.0 if number == len(frames) - 1 else begin + step
+        moments = [(0.0, begin == 0), (begin, True), (end, False)]
+        moments = [moment for index, moment in enumerate(moments) if index != 1 or begin > 0]
+        moments = [moment for moment in moments if moment[0] < 1]
+        shown = ";".join("inline" if visible else "none" for _, visible in moments)
+        times = ";".join(f"{time:.5f}" for time, _ in moments)
+        hidden = "" if frame is last else ' display="none"'
+        lines += [
+            f'<g id="frame-{number + 1}"{hidden}>',
+            f'<animate attributeName="display" values="{shown}" keyTimes="{times}" dur="{whole:g}s" '
+            'calcMode="discrete" repeatCount="indefinite"/>',
+            *_inks(frame, options, sheet, f"frame-{number + 1}-"),
+            "</g>",
+        ]
+    return _document(last, counts, options, dict(last.record), sheet, lines)
+
+
+def _inks(motif: Drawable, options: SvgOptions, sheet: _Sheet | None, prefix: str = "") -> list[str]:
+    """Return the lines of the groups of all inks."""
+    height, width = motif.densities.shape[1:]
     groups = []
     fine = fineness((height, width))
     densities = motif.resampled((fine * height, fine * width))
     layers = zip(densities, motif.inks, motif.edges, motif.names, strict=True)
     for number, (density, ink, edge, name) in enumerate(layers, 1):
-        bands = Bands(edge, motif.ends(number - 1), chosen.levels)
+        bands = Bands(edge, motif.ends(number - 1), options.levels)
         areas = inked_areas(density, motif.repeat, bands, fine)
-        groups += _layer(areas, (height, width), _Colour(ink, motif.inking), (number, name), fine, sheet)
+        label = f"{prefix}ink-{number}", name
+        groups += _layer(areas, (height, width), _Colour(ink, motif.inking), label, fine, sheet)
+    return groups
+
+
+def _document(
+    motif: Drawable,
+    counts: tuple[float, float],
+    chosen: SvgOptions,
+    settings: Mapping[str, Any],
+    sheet: _Sheet | None,
+    groups: list[str],
+) -> str:
+    """Return a document of groups of inks."""
+    rows, columns = counts
+    height, width = motif.densities.shape[1:]
     unit, scale = ("", 1.0) if chosen.width_mm is None else ("mm", chosen.width_mm / width)
     size_x, size_y = width * columns, height * rows
-    settings = {**(note or {}), **motif.record}
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',
         '<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" '
@@ -261,21 +335,37 @@ class _Colour:
 class _Sheet:
     """Copies of a cell on a sheet, as clones of what is drawn on the first one."""
 
-    def __init__(self, repeat: str, counts: tuple[float, float], cell: tuple[int, int]) -> None:
-        self._counts, self._cell = counts, cell
+    def __init__(
+        self, repeat: str, counts: tuple[float, float], cell: tuple[int, int], frame: float
+    ) -> None:
+        self._counts, self._cell, self._frame = counts, cell, frame
         self._copies, self._lines = lines_of_copies(repeat, counts)
+
+    @classmethod
+    def of(cls, motif: Drawable, counts: tuple[float, float], frame: float) -> _Sheet | None:
+        """Return the sheet of a motif; None where it is the motif alone."""
+        height, width = motif.densities.shape[1:]
+        return None if tuple(counts) == (1, 1) and not frame else cls(motif.repeat, counts, (height, width), frame)
 
     def definitions(self) -> list[str]:
         """Return the lines that define the areas to which a copy, and the sheet, are cut."""
         (rows, columns), (height, width) = self._counts, self._cell
+        free = max(-self._frame, 0.0)
+        wide, high = columns * width - 2 * free, rows * height - 2 * free
         return [
             "<defs>",
             f'<clipPath id="cell"><rect x="-0.5" y="-0.5" width="{width + 1}" height="{height + 1}"/>'
             "</clipPath>",
-            f'<clipPath id="sheet"><rect width="{_number(columns * width)}" '
-            f'height="{_number(rows * height)}"/></clipPath>',
+            f'<clipPath id="sheet"><rect x="{_number(free)}" y="{_number(free)}" width="{_number(wide)}" '
+            f'height="{_number(high)}"/></clipPath>',
             "</defs>",
         ]
+
+    def framed(self, fill: str) -> list[str]:
+        """Return the line of a frame of ink, if there is one."""
+        if self._frame <= 0:
+            return []
+        return [f'<path {fill} fill-rule="evenodd" d="{frame_path(self._counts, self._cell, self._frame)}"/>']
 
     def cloned(self, name: str, drawn: list[str]) -> list[str]:
         """Return the lines of a drawing on the first cell, and of its clones on all others."""
@@ -301,18 +391,18 @@ def _layer(
     inked: tuple[float, list[InkedArea]],
     cell: tuple[int, int],
     colour: _Colour,
-    name: tuple[int, str],
+    label: tuple[str, str],
     fine: int,
     sheet: _Sheet | None,
 ) -> list[str]:
-    """Return the lines of one ink's SVG group.
+    """Return the lines of one ink's SVG group, of the id and name in `label`.
 
     Tone by tone, a sheet has all copies of one before the next: so no copy covers darker parts of another.
     """
     faint, areas = inked
     cut = "" if sheet is None else ' clip-path="url(#sheet)"'
     lines = [
-        f'<g id="ink-{name[0]}" inkscape:groupmode="layer" inkscape:label="{escape(name[1])}" '
+        f'<g id="{label[0]}" inkscape:groupmode="layer" inkscape:label="{escape(label[1])}" '
         f'style="mix-blend-mode:{colour.blend}"{cut}>'
     ]
     tones = []
@@ -329,7 +419,9 @@ def _layer(
         if drawn:
             tones.append([f'<g {colour.fill(area.tone, area.below)} fill-rule="evenodd">', *drawn, "</g>"])
     for number, drawn in enumerate(tones, 1):
-        lines += drawn if sheet is None else sheet.cloned(f"ink-{name[0]}-{number}", drawn)
+        lines += drawn if sheet is None else sheet.cloned(f"{label[0]}-{number}", drawn)
+    if sheet is not None:
+        lines += sheet.framed(colour.fill(1.0, 0.0))
     return [*lines, "</g>"]
 
 
@@ -369,6 +461,13 @@ def _without_crumbs(smooth: Floats, rule: str, at: float) -> Floats:
     inside = smooth[MARGIN_PX:-MARGIN_PX, MARGIN_PX:-MARGIN_PX] > at
     smooth = np.where(extend(find_crumbs(inside, rule), rule, MARGIN_PX), 0.0, smooth)
     return np.where(extend(find_holes(inside, rule), rule, MARGIN_PX), np.maximum(smooth, 1.5 * at), smooth)
+
+
+def frame_path(counts: tuple[float, float], cell: tuple[int, int], frame: float) -> str:
+    """Return the path data of a frame along the edge of a sheet."""
+    width, height = counts[1] * cell[1], counts[0] * cell[0]
+    x, y, f = (_number(each) for each in (width - frame, height - frame, frame))
+    return f"M0,0V{_number(height)}H{_number(width)}V0zM{f},{f}H{x}V{y}H{f}z"
 
 
 def _number(value: float) -> str:

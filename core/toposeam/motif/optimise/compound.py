@@ -52,10 +52,14 @@ class Member:
 
 
 class _Plate:
-    """A plate of the objective: its problem, its weight, and the members that lie on it side by side."""
+    """A plate of the objective: its problem, its weight, and the members that lie on it side by side, the
+    second one turned by 180° if it is `turned`.
+    """
 
-    def __init__(self, problem: LayerProblem, members: tuple[int, ...], weight: float) -> None:
-        self.problem, self.members, self.weight = problem, members, weight
+    def __init__(
+        self, problem: LayerProblem, members: tuple[int, ...], weight: float, turned: bool = False
+    ) -> None:
+        self.problem, self.members, self.weight, self._turned = problem, members, weight, turned
         self.temperature: Floats | None = None
 
     def _penalty(self, penalties: list[float]) -> Floats | float:
@@ -66,7 +70,11 @@ class _Plate:
         return np.tile(np.repeat(own, w // len(own)), (h, 1))
 
     def _design(self, designs: list[Floats]) -> Floats:
-        return np.concatenate([designs[member] for member in self.members], axis=1)
+        return np.concatenate(self._laid([designs[member] for member in self.members]), axis=1)
+
+    def _laid(self, parts: list[Floats]) -> list[Floats]:
+        """Turn the second part to how it lies on the plate, or back."""
+        return [part[::-1, ::-1] if self._turned and place else part for place, part in enumerate(parts)]
 
     def solve(self, designs: list[Floats], penalties: list[float]) -> Temperature:
         """Solve for the steady state, starting from the previous temperature."""
@@ -81,7 +89,7 @@ class _Plate:
         slope = self.weight * self.problem.filter_sensitivity(
             design, self.problem.sensitivity(design, self._penalty(penalties), state.energy)
         )
-        return np.split(slope, len(self.members), axis=1)
+        return self._laid(np.split(slope, len(self.members), axis=1))
 
 
 def generate_row(row: list[Member], options: JoinOptions) -> None:
@@ -135,7 +143,11 @@ def _optimise(
             for part, recipe, inked in zip(layers, recipes, taken, strict=True)
         ]
         plates = [_Plate(problems[index], (index,), 1.0 - options.weight) for index in new]
-        plates += [_Plate(_compound(problems[a], problems[b]), (a, b), options.weight) for a, b in pairs]
+        turned = recipes[0].repeat == "rotate"
+        plates += [
+            _Plate(_compound(problems[a], problems[b], turned), (a, b), options.weight, turned)
+            for a, b in pairs
+        ]
         plates = [plate for plate in plates if plate.weight > 0]
         for plate, nodes in zip(plates, temperatures, strict=False):
             plate.temperature = (
@@ -260,16 +272,23 @@ def _first_design(member: Member, layer: int, problem: LayerProblem, coarse: Flo
     return refine_density(coarse, problem, recipe.layers[layer].mass)
 
 
-def _compound(a: LayerProblem, b: LayerProblem) -> LayerProblem:
-    """Return two motifs side by side on one plate, alternating in both directions (Figure 4.5)."""
+def _compound(a: LayerProblem, b: LayerProblem, turned: bool) -> LayerProblem:
+    """Return two motifs side by side on one plate, alternating in both directions (Figure 4.5); the second
+    one may be turned by 180°.
+    """
+    way = slice(None, None, -1 if turned else 1)
+
+    def laid(first: Floats, second: Floats) -> Floats:
+        return np.concatenate([first, second[way, way]], axis=1)
+
     plate = Plate(
-        np.concatenate([a.plate.heat, b.plate.heat], axis=1),
-        np.concatenate([a.plate.convection, b.plate.convection], axis=1),
+        laid(a.plate.heat, b.plate.heat),
+        laid(a.plate.convection, b.plate.convection),
         joint(_COMPOUND_RULE),
     )
     return LayerProblem(
         plate,
-        np.concatenate([a.nominal, b.nominal], axis=1),
+        laid(a.nominal, b.nominal),
         symmetry(_COMPOUND_RULE, plate.shape),
         _COMPOUND_RULE,
         a.radius,

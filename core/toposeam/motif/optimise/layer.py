@@ -58,6 +58,15 @@ class Step:
     solver: int
 
 
+def balanced_axes(problem: LayerProblem) -> tuple[int, ...]:
+    """Return the axes along which rows, or columns, can be balanced: where all lie on the domain alike."""
+    if problem.domain is None:
+        return (0, 1)
+    if problem.repeat in HEXAGONAL:
+        return ()
+    return tuple(axis for axis in (0, 1) if np.ptp(problem.domain.sum(axis=1 - axis)) == 0)
+
+
 def plan(recipe: Recipe) -> list[tuple[tuple[int, int], int]]:
     """Return the shapes of plates from coarse to fine, with the number of iterations on each."""
     shapes = [recipe.size]
@@ -121,7 +130,9 @@ def optimise_layer(
     for shape, count in plan(recipe):
         problem = problem_at(layer, recipe, shape, taken)
         density = (
-            np.full(shape, layer.mass) if density is None else refine_density(density, problem, layer.mass)
+            first_density(problem, layer.mass)
+            if density is None
+            else refine_density(density, problem, layer.mass)
         )
         if temperature is not None:
             temperature = refine_temperature(temperature, shape)
@@ -152,13 +163,21 @@ def optimise_layer(
                     np.minimum(density + recipe.move, problem.upper),
                 )
                 proposed = mirrors(recipe.repeat, shape).balance(
-                    proposed, layer.mass, lowest, highest, wash=layer.edge != "crisp"
+                    proposed, layer.mass, lowest, highest, wash=layer.edge != "crisp", axes=balanced_axes(problem)
                 )
             density = proposed
             if progress is not None:
                 progress(len(steps), density)
     assert density is not None  # noqa: S101
     return density.astype(np.float32), tuple(steps)
+
+
+def first_density(problem: LayerProblem, mass: float) -> Floats:
+    """Return the even density of a mean `mass`, on the layer's domain only."""
+    shape = problem.plate.shape
+    if problem.domain is None:
+        return np.full(shape, mass)
+    return np.where(problem.domain, min(mass / problem.domain.mean(), 1.0), MIN_DENSITY)
 
 
 def update(
@@ -195,6 +214,7 @@ def refine_temperature(nodes: Floats, shape: tuple[int, int]) -> Floats:
 def refine_density(density: Floats, problem: LayerProblem, mass: float) -> Floats:
     """Interpolate a coarser plate's densities on a finer one, with the given mass."""
     fine = problem.symmetry.mean(problem.refine(density, problem.plate.shape))
-    fine = np.clip(fine, MIN_DENSITY, 1.0)
-    scaled: Floats = np.clip(fine * (mass / fine.mean()), MIN_DENSITY, 1.0)
+    most = 1.0 if problem.domain is None else np.where(problem.domain, 1.0, MIN_DENSITY)
+    fine = np.clip(fine, MIN_DENSITY, most)
+    scaled: Floats = np.clip(fine * (mass / fine.mean()), MIN_DENSITY, most)
     return scaled

@@ -250,7 +250,7 @@ def motif(
         if animate is None:
             made = ts.generate_motif(recipe, max_megapixels=max_megapixels, progress=bar)
         else:
-            growth = ts.motif.grow(recipe, max_megapixels=max_megapixels, progress=bar)
+            growth = ts.motif.animate(recipe, max_megapixels=max_megapixels, progress=bar)
             made = growth.motif
     with all_or_nothing():
         extent = _write(output, made, paper, ink, others, wanted.paper is not None, force)

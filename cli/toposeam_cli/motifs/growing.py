@@ -41,7 +41,7 @@ def check_growth(path: Path, force: bool) -> None:
 
 
 def write_growth(
-    path: Path, growth: ts.motif.Growth, paper: Print, frames: int | None, force: bool
+    path: Path, growth: ts.motif.Animation, paper: Print, frames: int | None, force: bool
 ) -> None:
     """Write the growth of a motif, on the sheet on which the motif is printed.
 
@@ -74,7 +74,7 @@ def write_growth(
 class _Frames:
     """The frames of an animation, printed one by one; the last one stands still for a while."""
 
-    growth: ts.motif.Growth
+    growth: ts.motif.Animation
     paper: Print
     count: int
 

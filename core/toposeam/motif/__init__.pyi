@@ -1,6 +1,6 @@
 from .arrangement import Arrangement, arrange, random_arrangement
 from .generate import random_recipe
-from .growth import Growth, grow
+from .animation import Animation, animate
 from .ink.palettes import PALETTES, Palette, palette
 from .ink.stroke_edges import EDGES
 from .ink.svg import SvgOptions, draw_svg
@@ -23,7 +23,7 @@ __all__ = [
     "REPEATS",
     "STYLES",
     "Arrangement",
-    "Growth",
+    "Animation",
     "JoinedMotifs",
     "LayerRecipe",
     "Motif",
@@ -36,7 +36,7 @@ __all__ = [
     "border_mismatch",
     "border_visibility",
     "draw_svg",
-    "grow",
+    "animate",
     "join_motifs",
     "kaleidoscope",
     "palette",

@@ -28,17 +28,17 @@ from toposeam.checks import check_function, check_items, check_kind, check_range
 from toposeam.display import to_png
 from toposeam.errors import OptionError, Term
 from toposeam.motif.arrangement import arrange
-from toposeam.motif.border_smoothing import smooth_row_borders
+from toposeam.motif.border_smoothing import border_weight, smooth_row_borders, smooth_wash_borders
 from toposeam.motif.generate import make_motif
 from toposeam.motif.ink.stroke_repair import repair_strokes
 from toposeam.motif.motif import Motif
+from toposeam.motif.optimise.conduction import MIN_DENSITY
 from toposeam.motif.optimise.compound import JoinOptions, Member, generate_row
 from toposeam.motif.recipe.recipe import LayerRecipe, Point, Recipe
 from toposeam.motif.symmetry.borders import (
-    BESIDE_STROKES,
-    FADE,
     border_visibility,
     fade_to_mean,
+    line_visibility,
     restore_mass,
 )
 from toposeam.motif.symmetry.rules import GENERATORS, symmetry
@@ -47,6 +47,13 @@ from toposeam.motif.symmetry.tiling import copy_at
 #: Rules by which cells lie side by side unchanged, or every second one turned, so that other cells may take
 #: their places.
 JOINABLE = ("translate", "rotate", *GENERATORS)
+#: Visibility of borders up to which nothing is done about them, and the number of random patterns in which it
+#: is measured.
+_EVEN_ENOUGH, _LAID = 0.85, 4
+#: Half the widths of the band along a border that is changed, as `border_weight` takes them, and the logarithms
+#: of the factors that are tried on it.
+_TRIED_WIDTHS = (1.0, 3.0)
+_TRIED_POWERS = (-0.3, -0.15, -0.07, 0.07, 0.15, 0.3)
 #: Default width of the border that motifs share, as a share of the cell's shorter side.
 _SHARED_BORDER = 0.03
 
@@ -234,10 +241,14 @@ def join_motifs(
         row = longer
         generate_row(row, options)
     layers = [_finish_layer(row, layer, shared, weight) for layer in range(len(first.layers))]
-    motifs = [
-        make_motif(member.recipe, [layer[index] for layer in layers], member.history)
-        for index, member in enumerate(row)
-    ]
+
+    def made(given: list[list[npt.NDArray[np.float32]]]) -> list[Motif]:
+        return [
+            make_motif(member.recipe, [layer[index] for layer in given], member.history)
+            for index, member in enumerate(row)
+        ]
+
+    motifs = made(layers) if weight == 0 and shared == 0 else _with_even_borders(layers, made)
     return JoinedMotifs(motifs=tuple(motifs), stages=tuple(member.stage for member in row), weight=weight)
 
 
@@ -261,14 +272,62 @@ def _finish_layer(row: list[Member], layer: int, shared: int, weight: float) -> 
     masses = [member.recipe.layers[layer].mass for member in row]
     edges = [member.recipe.layers[layer].edge for member in row]
     if shared and "soft" in edges:
-        soft = fade_to_mean(np.stack(found), shared, FADE if set(edges) == {"soft"} else BESIDE_STROKES)
+        soft = fade_to_mean(np.stack(found), first.repeat)
         found = [soft[index] if edge == "soft" else found[index] for index, edge in enumerate(edges)]
+    if shared and set(edges) == {"soft"}:
+        found = smooth_wash_borders(found, first.repeat)
+        return [symmetry(first.repeat, first.size).mean(one).astype(np.float32) for one in found]
     given = [index for index, member in enumerate(row) if member.stage == 1]
     for _ in range(2):  # correcting the mass changes the level at which strokes end a little
         found = smooth_row_borders(found, edges, first.repeat, shared, given)
         found = [restore_mass(one, mass) for one, mass in zip(found, masses, strict=True)]
     orbits = symmetry(first.repeat, first.size)
     return [orbits.mean(one).astype(np.float32) for one in found]
+
+
+def _with_even_borders(
+    layers: list[list[npt.NDArray[np.float32]]],
+    made: Callable[[list[list[npt.NDArray[np.float32]]]], list[Motif]],
+) -> list[Motif]:
+    """Return the motifs of layers, each a list of densities, whose borders show least where they are laid.
+
+    Where a border shows more than the lines inside, all motifs get a common factor along it, and the best of
+    some factors is kept.
+    """
+    motifs = made(layers)
+    for index in range(len(layers)):
+        for axis in (0, 1):
+            worst = _laid_visibility(motifs, index, axis)
+            if worst <= _EVEN_ENOUGH:
+                continue
+            shape, repeat = layers[index][0].shape, motifs[0].repeat
+            before = layers[index]
+            for width in _TRIED_WIDTHS:
+                bump = border_weight(shape, axis, repeat, width)
+                for power in _TRIED_POWERS:
+                    factor = np.exp(power * bump)
+                    tried = list(layers)
+                    tried[index] = [
+                        np.clip(one * factor, MIN_DENSITY, 1.0).astype(np.float32) for one in before
+                    ]
+                    found = made(tried)
+                    shown = _laid_visibility(found, index, axis)
+                    if shown < worst:
+                        motifs, layers, worst = found, tried, shown
+                if worst <= _EVEN_ENOUGH:
+                    break
+    return motifs
+
+
+def _laid_visibility(motifs: list[Motif], layer: int, axis: int) -> float:
+    """Compute the largest visibility of borders across an axis, of one ink, in some random patterns."""
+    worst = 0.0
+    for seed in range(_LAID):
+        laid = arrange(motifs, (4, 4), seed=seed)
+        inked = laid.coverage_of(layer)
+        side = motifs[0].densities.shape[1 + axis]
+        worst = max(worst, line_visibility(inked if axis == 0 else inked.T, side))
+    return worst
 
 
 def _blend(a: Recipe, b: Recipe, share: float) -> Recipe:

@@ -27,7 +27,7 @@ from toposeam.motif.optimise.layer import (
 )
 from toposeam.motif.recipe.recipe import Recipe
 from toposeam.motif.symmetry.mirrors import Mirrors, mirrors
-from toposeam.motif.symmetry.rules import joint, symmetry
+from toposeam.motif.symmetry.rules import Symmetry, joint, symmetry
 from toposeam.optimize.oc import OCOptions
 
 #: Rule by which a compound of two motifs repeats, so that they alternate in both directions.
@@ -160,8 +160,9 @@ def _optimise(
         ]
         if not temperatures and len(new) < len(row):
             _interpolate(designs, new, [part.mass for part in layers])
-        width = max(1, round(options.shared * shape[0] / recipes[0].size[0])) if options.shared else 0
-        ring = _Ring(shape, width, designs, new)
+        shares = options.shared and any(part.edge != "soft" for part in layers)  # wash fades into the mean later
+        width = max(1, round(options.shared * shape[0] / recipes[0].size[0])) if shares else 0
+        ring = _Ring(symmetry(recipes[0].repeat, shape), width, designs, new)
         border = mirrors(recipes[0].repeat, shape, options.weight > 0)
         for _ in range(count):
             slopes, found = _slopes(plates, designs, penalties)
@@ -236,12 +237,16 @@ def _interpolate(designs: list[Floats], new: list[int], masses: list[float]) -> 
 
 
 class _Ring:
-    """The outermost elements of a cell, whose densities are equal in all members."""
+    """The outermost elements of a cell, and their images by the rule, whose densities are equal in all
+    members.
+    """
 
-    def __init__(self, shape: tuple[int, int], width: int, designs: list[Floats], new: list[int]) -> None:
+    def __init__(self, orbits: Symmetry, width: int, designs: list[Floats], new: list[int]) -> None:
+        shape = orbits.shape
         self.width = min(width, min(shape) // 4)
-        self._inside = np.zeros(shape, bool)
-        self._inside[self.width : shape[0] - self.width, self.width : shape[1] - self.width] = True
+        outer = np.ones(shape)
+        outer[self.width : shape[0] - self.width, self.width : shape[1] - self.width] = 0
+        self._inside = orbits.largest(outer) == 0
         fixed = [design for index, design in enumerate(designs) if index not in new]
         self._fixed = np.mean(fixed, axis=0) if fixed else None
         self._values = np.zeros(shape)

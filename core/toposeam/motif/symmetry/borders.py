@@ -18,12 +18,15 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
+from scipy.ndimage import gaussian_filter
 
 from toposeam.arrays import Floats
 from toposeam.checks import check_pair
 from toposeam.colours import LUMA
 from toposeam.errors import ImageError, Term
 from toposeam.images import as_float
+from toposeam.motif.symmetry.rules import symmetry
+from toposeam.motif.symmetry.tiling import extend
 
 #: Distance r of the rows compared, as a share of the cell's side, and its least value, px.
 _COMPARED_DISTANCE, _MIN_COMPARED_PX = 0.03, 2
@@ -32,9 +35,9 @@ _POWERS = (0.6, 4.0)
 #: Distance from the border at which densities begin to change for the mass, and the width over which the
 #: change becomes full; shares of the cell's side.
 _UNCHANGED_BORDER, _TRANSITION = 0.08, 0.07
-#: Width over which wash fades into the mean of all motifs, as a share of the cell's side; the second one if
-#: some of the motifs have strokes.
-FADE, BESIDE_STROKES = 0.07, 0.2
+#: Width over which wash fades into the mean of all motifs, and the standard deviation of that mean's blur, as
+#: shares of the cell's side.
+_FADE, _MEAN_BLUR = 0.14, 0.025
 
 
 def border_visibility(pattern: npt.ArrayLike, cell: tuple[int, int]) -> float:
@@ -98,25 +101,26 @@ def line_visibility(values: npt.NDArray[np.floating], side: int) -> float:
     return float(line[border].max()) / inside if inside > 1e-9 else 0.0
 
 
-def fade_to_mean(densities: Floats, shared: int, share: float = FADE) -> Floats:
-    """Fade the densities of motifs into the mean of all towards the border.
+def fade_to_mean(densities: Floats, repeat: str) -> Floats:
+    """Fade the densities of motifs into the mean of all towards the border, where that is blurred: so no
+    border has an edge, whichever motifs meet there. Images of the border inside of the cell are faded, too.
 
     Parameters
     ----------
     densities : (N, h, w) float array
-    shared : int
-        Number of rows and columns along the border that become the mean itself.
-    share : float
-        Width of the transition, as a share of the cell's shorter side.
+    repeat : str
+        The rule by which all of them repeat.
     """
     height, width = densities.shape[1:]
-    reach = max(share * min(height, width), 1.0)
-    depth = [
-        (np.minimum(np.arange(side), np.arange(side)[::-1]) + 1 - shared) / reach for side in (height, width)
-    ]
+    side = min(height, width)
+    reach, sigma = max(_FADE * side, 1.0), _MEAN_BLUR * side
+    margin = int(np.ceil(4 * sigma))
+    mean = gaussian_filter(extend(densities.mean(axis=0), repeat, margin), sigma, mode="nearest")
+    mean = mean[margin : margin + height, margin : margin + width]
+    depth = [np.minimum(np.arange(long), np.arange(long)[::-1]) / reach for long in (height, width)]
     share = np.clip(1.0 - np.minimum(depth[0][:, np.newaxis], depth[1][np.newaxis]), 0.0, 1.0)
-    share = share**2 * (3 - 2 * share)
-    result: Floats = (1 - share) * densities + share * densities.mean(axis=0)
+    share = symmetry(repeat, (height, width)).largest(share**2 * (3 - 2 * share))
+    result: Floats = (1 - share) * densities + share * mean
     return result
 
 

@@ -41,16 +41,16 @@ class GrowingMotif(Motif):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Growth:
-    """Result of :func:`grow`.
+class Animation:
+    """Result of :func:`animate`.
 
     Examples
     --------
     >>> import toposeam as ts
-    >>> growth = ts.motif.grow(16, layers=1, repeat="p4", seed=1, iterations=3)
-    >>> growth
-    Growth(3 iterations of 1 layer, repeat='p4', seed=1)
-    >>> [frame.image().shape for frame in growth.frames(4)][-1]
+    >>> animation = ts.motif.animate(16, layers=1, repeat="p4", seed=1, iterations=3)
+    >>> animation
+    Animation(3 iterations of 1 layer, repeat='p4', seed=1)
+    >>> [frame.image().shape for frame in animation.frames(4)][-1]
     (16, 16, 3)
     """
 
@@ -159,18 +159,18 @@ class Growth:
         layers = len(self.steps)
         iterations = max(map(len, self.steps))
         return (
-            f"Growth({iterations} iterations of {layers} layer{'s' if layers > 1 else ''}, "
+            f"Animation({iterations} iterations of {layers} layer{'s' if layers > 1 else ''}, "
             f"repeat={self.motif.repeat!r}, seed={self.motif.recipe.seed})"
         )
 
 
-def grow(
+def animate(
     source: int | tuple[int, int] | Recipe,
     *,
     max_megapixels: float = MAX_MEGAPIXELS,
     progress: Callable[[float], None] | None = None,
     **options: Unpack[RecipeKeywords],
-) -> Growth:
+) -> Animation:
     """Generate a motif, and keep what each iteration has made of it.
 
     Parameters
@@ -180,7 +180,7 @@ def grow(
 
     Returns
     -------
-    Growth
+    Animation
 
     Raises
     ------
@@ -189,8 +189,8 @@ def grow(
     Examples
     --------
     >>> import toposeam as ts
-    >>> growth = ts.motif.grow(16, layers=1, repeat="p4", seed=1, iterations=3)
-    >>> [len(steps) for steps in growth.steps]
+    >>> animation = ts.motif.animate(16, layers=1, repeat="p4", seed=1, iterations=3)
+    >>> [len(steps) for steps in animation.steps]
     [3]
     """
     steps: dict[int, list[npt.NDArray[np.float32]]] = {}
@@ -201,4 +201,4 @@ def grow(
     motif = generate_motif(
         source, max_megapixels=max_megapixels, progress=progress, watch=watch, **options
     )
-    return Growth(motif=motif, steps=tuple(tuple(steps[index]) for index in range(len(motif.inks))))
+    return Animation(motif=motif, steps=tuple(tuple(steps[index]) for index in range(len(motif.inks))))

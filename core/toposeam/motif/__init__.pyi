@@ -1,11 +1,12 @@
+from .animation import Animation, animate
 from .arrangement import Arrangement, arrange, random_arrangement
 from .generate import random_recipe
-from .animation import Animation, animate
 from .ink.palettes import PALETTES, Palette, palette
 from .ink.stroke_edges import EDGES
 from .ink.svg import SvgOptions, draw_svg
 from .join import JoinedMotifs, border_mismatch, join_motifs
 from .motif import Motif, repeat_densities
+from .optimise.growth import Growth, grow
 from .optimise.layer import Step
 from .recipe.composition import OUTLINES, places_in_drawing, places_in_picture
 from .recipe.recipe import LayerRecipe, Recipe
@@ -22,8 +23,9 @@ __all__ = [
     "PALETTES",
     "REPEATS",
     "STYLES",
-    "Arrangement",
     "Animation",
+    "Arrangement",
+    "Growth",
     "JoinedMotifs",
     "LayerRecipe",
     "Motif",
@@ -32,11 +34,12 @@ __all__ = [
     "Step",
     "Style",
     "SvgOptions",
+    "animate",
     "arrange",
     "border_mismatch",
     "border_visibility",
     "draw_svg",
-    "animate",
+    "grow",
     "join_motifs",
     "kaleidoscope",
     "palette",

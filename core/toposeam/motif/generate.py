@@ -34,7 +34,7 @@ from toposeam.motif.ink.stroke_repair import repair_strokes
 from toposeam.motif.motif import Motif
 from toposeam.motif.optimise.conduction import nominal_conductivity, outline_on_cell
 from toposeam.motif.optimise.hexagonal_lattice import tile_size, to_tile
-from toposeam.motif.optimise.layer import Step, optimise_layer, problem_at
+from toposeam.motif.optimise.layer import Step, on_outline, optimise_layer
 from toposeam.motif.optimise.spots import Points, inside_only, lay_spots, place_around, spots
 from toposeam.motif.recipe.composition import pack_guide, pack_outline
 from toposeam.motif.recipe.recipe import (
@@ -459,25 +459,6 @@ def random_recipe(
         one_piece=one_piece,
         bridge=bridge,
     )
-
-
-def on_outline(own: Recipe) -> Recipe:
-    """Return the recipe of one layer with its mass as the mean on the whole cell, not only on its domain."""
-    layer = own.layers[0]
-    domain = problem_at(layer, own, own.size).domain
-    if domain is None:
-        return own
-    share = float(domain.mean())
-    if not share:
-        raise OptionError(
-            "by {repeat} the outline covers the whole cell, so that nothing lies {place} of it; take a "
-            "smaller one, or another rule",
-            kind="empty",
-            parameter=Term("outline"),
-            repeat=own.repeat,
-            place=layer.place,
-        )
-    return dataclasses.replace(own, layers=(dataclasses.replace(layer, mass=layer.mass * share),))
 
 
 def _words(value: str | Sequence[str], layers: int, name: str) -> list[str]:

@@ -224,11 +224,15 @@ def motif(
         return
     recipe, sheet_was = _recipe(wanted.given(), beginning.amount, _begun(beginning), ink.width_mm)
     recipe = renamed(recipe, spot_names, edge)
-    paper = ink.over(sheet_was, counts=None if sheet is None else sheet[::-1], pixels=pixels, frame=frame or None)
+    paper = ink.over(
+        sheet_was, counts=None if sheet is None else sheet[::-1], pixels=pixels, frame=frame or None
+    )
     if paper.frame and not recipe.one_piece:
         raise ts.OptionError("--frame holds a cut-out or a stencil together; add --one-piece or --stencil")
     if frames is not None and animate is None:
-        raise ts.OptionError("--frames is for --animate; say where the growth goes with --animate growth.webp")
+        raise ts.OptionError(
+            "--frames is for --animate; say where the growth goes with --animate growth.webp"
+        )
     if show_recipe:
         say(to_toml(recipe), lines=True, nl=False)
     if output is None:
@@ -512,6 +516,13 @@ def _with_strengths(places: list[Any]) -> list[Any]:
     return [_with_strengths(place) if isinstance(place, list) else place for place in places]
 
 
+def _with_layers(recipe: ts.motif.Recipe, values: dict[str, Any]) -> ts.motif.Recipe:
+    """Return a recipe with some values of all its layers changed."""
+    return dataclasses.replace(
+        recipe, layers=tuple(dataclasses.replace(layer, **values) for layer in recipe.layers)
+    )
+
+
 def _changed(recipe: ts.motif.Recipe, given: dict[str, Any], amount: float | None) -> ts.motif.Recipe:
     """Return a whole recipe with the given options changed, then varied."""
     seed = given.pop("seed", None)
@@ -537,17 +548,15 @@ def _changed(recipe: ts.motif.Recipe, given: dict[str, Any], amount: float | Non
     for name in {"sources", "sinks"} & set(given):
         if not isinstance(given[name], np.ndarray):
             continue
-        places = tuple(map(tuple, given.pop(name).tolist()))
-        layers = tuple(dataclasses.replace(layer, **{name: places}) for layer in recipe.layers)
-        recipe = dataclasses.replace(recipe, layers=layers)
+        places: Any = tuple(map(tuple, given.pop(name).tolist()))
+        recipe = _with_layers(recipe, {name: places})
     if "outline" in given:
         given["outline"] = pack_outline(given["outline"], given.get("size", recipe.size[::-1])[::-1])
         given.setdefault("place", "inside")
     if "guide" in given:
         given["guide"] = pack_guide(given["guide"], given.get("size", recipe.size[::-1])[::-1])
     if given.get("one_piece"):
-        layers = tuple(dataclasses.replace(layer, edge="crisp") for layer in recipe.layers)
-        recipe = dataclasses.replace(recipe, layers=layers)
+        recipe = _with_layers(recipe, {"edge": "crisp"})
     layers = [dataclasses.asdict(layer) for layer in recipe.layers]
     for name in {"iterations", "filter_radius"} & set(given):  # of all layers
         layers = [{**layer, name: None} for layer in layers]

@@ -64,8 +64,8 @@ def write_growth(
     (rows, columns), (height, width) = paper.laid(growth.motif.recipe)
     if rows * columns * height * width * shown.count > _LARGEST_PX:
         raise ts.OptionError(
-            f"the growth has {shown.count} frames of {columns * width:,} × {rows * height:,} px; ask for fewer "
-            "--frames, or for a smaller sheet"
+            f"the growth has {shown.count} frames of {columns * width:,} × {rows * height:,} px; ask for "
+            "fewer --frames, or for a smaller sheet"
         )
     write_clip(path, Clip(frames=shown, rate=Fraction(_RATE)), force)
 

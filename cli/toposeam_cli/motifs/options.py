@@ -100,7 +100,8 @@ class Share:
             return self.value
         if width_mm is None:
             raise ts.OptionError(
-                f"{self.value:g} mm is a length on paper; add --motif-width, or give a share of the motif, like 2%"
+                f"{self.value:g} mm is a length on paper; add --motif-width, or give a "
+                "share of the motif, like 2%"
             )
         return self.value / (width_mm * min(size) / size[1]) * 100
 

@@ -76,7 +76,9 @@ def _drawn(path: Path) -> np.ndarray:
     except vips.Error as error:
         raise ts.ImageError(f"'{path}' cannot be drawn; export it again as plain SVG, or as PNG") from error
     if not drawn[..., -1].any():
-        raise ts.ImageError(f"'{path}' shows nothing on its page; draw on it, or crop the page to the drawing")
+        raise ts.ImageError(
+            f"'{path}' shows nothing on its page; draw on it, or crop the page to the drawing"
+        )
     found: np.ndarray = drawn
     return found
 

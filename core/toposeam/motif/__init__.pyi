@@ -12,7 +12,7 @@ from .recipe.composition import OUTLINES, places_in_drawing, places_in_picture
 from .recipe.recipe import LayerRecipe, Recipe
 from .recipe.simplify import simplify
 from .recipe.styles import STYLES, Style
-from .symmetry.borders import border_visibility
+from .symmetry.borders import border_edges, border_visibility
 from .symmetry.kaleidoscope import kaleidoscope
 from .symmetry.rules import REPEATS
 from .variation import restyle, vary
@@ -36,6 +36,7 @@ __all__ = [
     "SvgOptions",
     "animate",
     "arrange",
+    "border_edges",
     "border_mismatch",
     "border_visibility",
     "draw_svg",

@@ -20,7 +20,8 @@ from toposeam.motif.optimise.hexagonal_lattice import refined
 from toposeam.motif.recipe.recipe import Recipe
 from toposeam.motif.symmetry.rules import HEXAGONAL
 
-#: Level at which strokes end at first, and its least multiple of the mean density: the even start shows nothing.
+#: Level at which strokes end at first, and its least multiple of the mean density, so that the even start
+#: shows nothing.
 _FIRST_LEVEL, _ABOVE_MEAN = 0.7, 1.3
 #: Exponent of the share of the growth that gives the share of the iterations: the first ones change most.
 _SLOW_START = 1.6
@@ -198,7 +199,5 @@ def animate(
     def watch(layer: int, density: Floats) -> None:
         steps.setdefault(layer, []).append(density.astype(np.float32))
 
-    motif = generate_motif(
-        source, max_megapixels=max_megapixels, progress=progress, watch=watch, **options
-    )
+    motif = generate_motif(source, max_megapixels=max_megapixels, progress=progress, watch=watch, **options)
     return Animation(motif=motif, steps=tuple(tuple(steps[index]) for index in range(len(motif.inks))))

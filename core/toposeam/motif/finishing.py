@@ -43,15 +43,16 @@ def spread_copies(density: Floats32, recipe: Recipe, index: int) -> Floats32:
         return density
     copies = (layer.scale, layer.scale)
     if recipe.repeat in HEXAGONAL:
-        whole = refined(np.tile(density, copies), recipe.size)
+        laid = refined(np.tile(density, copies), recipe.size)
     else:
-        whole = resample(tile(density, recipe.of_layer(index).repeat, copies), recipe.repeat, recipe.size)
-    whole = symmetry(recipe.repeat, recipe.size).mean(np.clip(whole, MIN_DENSITY, 1.0)).astype(np.float32)
+        cells = tile(density, recipe.of_layer(index).repeat, copies)
+        laid = resample(cells, recipe.repeat, recipe.size).astype(np.float64)
+    whole = symmetry(recipe.repeat, recipe.size).mean(np.clip(laid, MIN_DENSITY, 1.0))
     domain = problem_at(layer, recipe, recipe.size).domain
-    if domain is None:
-        return whole
-    share = ndimage.gaussian_filter(domain.astype(np.float64), _CUT_BLUR, mode="wrap")
-    return np.minimum(whole, np.maximum(share, MIN_DENSITY)).astype(np.float32)
+    if domain is not None:
+        share = ndimage.gaussian_filter(domain.astype(np.float64), _CUT_BLUR, mode="wrap")
+        whole = np.minimum(whole, np.maximum(share, MIN_DENSITY))
+    return whole.astype(np.float32)
 
 
 def finish(motif: Motif, make: Callable[[list[Floats32]], Motif]) -> Motif:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import inspect
 from collections.abc import Callable, Sequence
 from typing import Any, TypedDict, Unpack
@@ -173,7 +172,9 @@ def generate_motif(
     history: list[tuple[Step, ...]] = []
     for index, own in enumerate(alone):
 
-        def report(done: int, density: Floats, before: int = sum(map(len, history)), layer: int = index) -> None:
+        def report(
+            done: int, density: Floats, before: int = sum(map(len, history)), layer: int = index
+        ) -> None:
             if watch is not None:
                 watch(layer, density)
             if progress is not None:
@@ -330,7 +331,7 @@ def random_recipe(
     scale : int or one per layer
         Number of copies of the layer along each side of the cell, such as 3 for a fine ground.
     guide : picture
-        Lines, dark or opaque, along which strokes run.
+        Lines, dark or opaque, along which strokes run. Random sinks lie on them.
     knock_out, trap, one_piece, bridge
         See :class:`Recipe`.
 
@@ -372,11 +373,15 @@ def random_recipe(
     check_choice("base_law", base_law, LAWS)
     packed = "" if base is None else pack_base(base)
     shape_of_outline = "" if outline is None else pack_outline(outline, shape)
-    places = _words(place, layers, "place") if place is not None else [PLACES[bool(outline is not None)]] * layers
+    places = (
+        _words(place, layers, "place") if place is not None else [PLACES[bool(outline is not None)]] * layers
+    )
     copies = _counts(scale, layers)
     shown = (
         _base_conductivity(packed, base_strength, base_law) if packed and repeat not in HEXAGONAL else None
     )
+    packed_guide = "" if guide is None else pack_guide(guide, shape)
+    lines = outline_on_cell(packed_guide, "inside", repeat, shape) if packed_guide else None
     recipes = []
     for index in range(layers):
         # Draw every parameter, used or not, so that giving one does not change the others.
@@ -412,7 +417,7 @@ def random_recipe(
             "sinks",
             repeat,
             shown,
-            inside,
+            inside if lines is None else lines,
         )
         if distance is not None:
             check_range(0, 1, above=True, distance=distance)  # of the cell's shorter side
@@ -453,7 +458,7 @@ def random_recipe(
         base_law=base_law,
         inking=inking,
         outline=shape_of_outline,
-        guide="" if guide is None else pack_guide(guide, shape),
+        guide=packed_guide,
         knock_out=knock_out,
         trap=trap,
         one_piece=one_piece,
@@ -462,14 +467,22 @@ def random_recipe(
 
 
 def _words(value: str | Sequence[str], layers: int, name: str) -> list[str]:
-    values = [value] * layers if isinstance(value, str) else check_items(name, value, str, "a text, or one per layer")
+    values = (
+        [value] * layers
+        if isinstance(value, str)
+        else check_items(name, value, str, "a text, or one per layer")
+    )
     _check_count(values, layers, name)
     return list(values)
 
 
 def _counts(value: int | Sequence[int], layers: int) -> list[int]:
     single = isinstance(value, int | np.integer)
-    values = [value] * layers if single else check_items("scale", value, object, "a whole number, or one per layer")
+    values = (
+        [value] * layers
+        if single
+        else check_items("scale", value, object, "a whole number, or one per layer")
+    )
     _check_count(values, layers, "scale")
     return [check_whole("scale", each, 1, 32) for each in values]
 

@@ -32,11 +32,12 @@ from toposeam.motif.border_smoothing import border_weight, smooth_row_borders, s
 from toposeam.motif.generate import make_motif
 from toposeam.motif.ink.stroke_repair import repair_strokes
 from toposeam.motif.motif import Motif
-from toposeam.motif.optimise.conduction import MIN_DENSITY
 from toposeam.motif.optimise.compound import JoinOptions, Member, generate_row
+from toposeam.motif.optimise.conduction import MIN_DENSITY
 from toposeam.motif.recipe.recipe import LayerRecipe, Point, Recipe
 from toposeam.motif.symmetry.borders import (
     border_visibility,
+    edge_visibility,
     fade_to_mean,
     line_visibility,
     restore_mass,
@@ -50,10 +51,10 @@ JOINABLE = ("translate", "rotate", *GENERATORS)
 #: Visibility of borders up to which nothing is done about them, and the number of random patterns in which it
 #: is measured.
 _EVEN_ENOUGH, _LAID = 0.85, 4
-#: Half the widths of the band along a border that is changed, as `border_weight` takes them, and the logarithms
-#: of the factors that are tried on it.
-_TRIED_WIDTHS = (1.0, 3.0)
-_TRIED_POWERS = (-0.3, -0.15, -0.07, 0.07, 0.15, 0.3)
+#: Half the widths of the band along a border that is changed, as `border_weight` takes them, and the
+#: logarithms of the factors that are tried on it.
+_TRIED_WIDTHS = (4.0, 2.0)
+_TRIED_POWERS = (-0.2, -0.1, -0.05, 0.05, 0.1, 0.2)
 #: Default width of the border that motifs share, as a share of the cell's shorter side.
 _SHARED_BORDER = 0.03
 
@@ -320,13 +321,14 @@ def _with_even_borders(
 
 
 def _laid_visibility(motifs: list[Motif], layer: int, axis: int) -> float:
-    """Compute the largest visibility of borders across an axis, of one ink, in some random patterns."""
+    """Compute how far borders across an axis show, as lines or as edges, of one ink, in random patterns."""
     worst = 0.0
     for seed in range(_LAID):
         laid = arrange(motifs, (4, 4), seed=seed)
         inked = laid.coverage_of(layer)
         side = motifs[0].densities.shape[1 + axis]
-        worst = max(worst, line_visibility(inked if axis == 0 else inked.T, side))
+        inked = inked if axis == 0 else inked.T
+        worst = max(worst, line_visibility(inked, side), edge_visibility(inked, side))
     return worst
 
 

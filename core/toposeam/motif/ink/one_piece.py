@@ -28,6 +28,8 @@ from toposeam.motif.ink.raster import Raster
 _SQUARE = np.ones((3, 3), bool)
 #: Pieces whose area is below this many squares of the bridge's width are dropped, not connected.
 _MIN_AREA = 1.0
+#: The basis of all translations of a pattern.
+_WHOLE = ((1, 0), (0, 1))
 #: A translation of the pattern, in whole patterns down and across.
 _Shift = tuple[int, int]
 
@@ -68,7 +70,7 @@ def one_piece(mask: Mask, raster: Raster, width: float) -> Floats:
         if thick.any()
         else np.zeros_like(wide)
     )
-    cores = raster.inner(thick | (skeletonize(wide) & ~opened), before).astype(bool)
+    cores = raster.inner(thick | (skeletonize(wide) & ~opened), before)  # type: ignore[no-untyped-call]
     if not cores.any():
         return np.full(mask.shape, width)
     connected = _connected(cores, raster)
@@ -82,7 +84,7 @@ def _without_small(mask: Mask, raster: Raster, width: float) -> Mask:
     area = np.bincount(labels.ravel(), minlength=count + 1) * np.prod(raster.spacing)
     kept = area >= _MIN_AREA * width**2
     kept[0] = False
-    return raster.inner(kept[labels], before).astype(bool) if kept.any() else mask
+    return raster.inner(kept[labels], before) if kept.any() else mask
 
 
 def _connected(cores: Mask, raster: Raster) -> Mask:
@@ -97,7 +99,7 @@ def _connected(cores: Mask, raster: Raster) -> Mask:
         if tree.is_whole(raster.is_closed):
             break
         if tree.joins(link) and link.ends is not None:
-            rows, columns = line(*link.ends)
+            rows, columns = line(*link.ends)  # type: ignore[no-untyped-call]
             connected[rows % len(cores), columns % cores.shape[1]] = True
     return connected
 
@@ -180,9 +182,9 @@ class _Tree:
 
     def is_whole(self, closed: bool) -> bool:
         """Test whether all cores are connected, and in a closed pattern with all their copies."""
-        if not (self._set == self._set[0]).all():
-            return False
-        return not closed or self._shifts[self._set[0]] == ((1, 0), (0, 1))
+        one = int(self._set[0])
+        connected = bool((self._set == one).all())
+        return connected and (not closed or tuple(self._shifts[one]) == _WHOLE)
 
 
 def _basis(shifts: list[_Shift]) -> tuple[_Shift, ...]:

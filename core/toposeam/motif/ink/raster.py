@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 from scipy import ndimage
 
 from toposeam.arrays import Floats, Floats32, Mask
 from toposeam.motif.symmetry.rules import HEXAGONAL, symmetry
-from toposeam.motif.symmetry.tiling import copy_at, period, tile
+from toposeam.motif.symmetry.tiling import Scalar, copy_at, period, tile
 
 #: Pixels of an element along each side.
 _FINE = 2
@@ -69,18 +70,19 @@ class Raster:
         before = mask.shape[0] // 2, mask.shape[1] // 2
         return np.pad(mask, [(side, side) for side in before], mode="wrap"), before
 
-    def inner(self, padded: Floats | Mask, before: tuple[int, int]) -> Floats:
+    @staticmethod
+    def inner(padded: npt.NDArray[Scalar], before: tuple[int, int]) -> npt.NDArray[Scalar]:
         """Return a padded field without its margin."""
         (top, left), (rows, columns) = before, padded.shape
-        found: Floats = padded[top : rows - top, left : columns - left]
-        return found
+        return padded[top : rows - top, left : columns - left]
 
     def distance(self, mask: Mask) -> Floats:
         """Compute the distance from a mask, in elements: 0 on it. Infinite where it is empty."""
         if not mask.any():
             return np.full(mask.shape, np.inf)
         wide, before = self.padded(mask)
-        return self.inner(ndimage.distance_transform_edt(~wide, sampling=self.spacing), before)
+        away: Floats = ndimage.distance_transform_edt(~wide, sampling=self.spacing)
+        return self.inner(away, before)
 
     def signed_distance(self, mask: Mask) -> Floats:
         """Compute the distance from a mask's border, in elements; below 0 inside."""

@@ -102,8 +102,8 @@ class SvgOptions:
     width_mm: float | None = None
     #: Leave the paper out, so that the background shows.
     transparent: bool = False
-    #: Width of a frame of ink round the whole, in elements, so that what the edge cuts off stays in one piece;
-    #: below 0 a frame without ink, for stencils.
+    #: Width of a frame of ink round the whole, in elements, which holds what the edge cuts off; below 0 a
+    #: frame without ink, for stencils.
     frame: float = 0.0
 
     def __post_init__(self) -> None:
@@ -168,7 +168,6 @@ def draw_svg(
             json.dumps(dict(note))
         except (TypeError, ValueError, RecursionError) as error:
             raise kind_error("note", note, "a mapping of what JSON can hold") from error
-    height, width = motif.densities.shape[1:]
     sheet = _Sheet.of(motif, (rows, columns), chosen.frame)
     settings = {**(note or {}), **motif.record}
     return _document(motif, (rows, columns), chosen, settings, sheet, _inks(motif, chosen, sheet))
@@ -335,9 +334,7 @@ class _Colour:
 class _Sheet:
     """Copies of a cell on a sheet, as clones of what is drawn on the first one."""
 
-    def __init__(
-        self, repeat: str, counts: tuple[float, float], cell: tuple[int, int], frame: float
-    ) -> None:
+    def __init__(self, repeat: str, counts: tuple[float, float], cell: tuple[int, int], frame: float) -> None:
         self._counts, self._cell, self._frame = counts, cell, frame
         self._copies, self._lines = lines_of_copies(repeat, counts)
 
@@ -345,7 +342,11 @@ class _Sheet:
     def of(cls, motif: Drawable, counts: tuple[float, float], frame: float) -> _Sheet | None:
         """Return the sheet of a motif; None where it is the motif alone."""
         height, width = motif.densities.shape[1:]
-        return None if tuple(counts) == (1, 1) and not frame else cls(motif.repeat, counts, (height, width), frame)
+        return (
+            None
+            if tuple(counts) == (1, 1) and not frame
+            else cls(motif.repeat, counts, (height, width), frame)
+        )
 
     def definitions(self) -> list[str]:
         """Return the lines that define the areas to which a copy, and the sheet, are cut."""

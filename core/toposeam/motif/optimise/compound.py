@@ -160,7 +160,9 @@ def _optimise(
         ]
         if not temperatures and len(new) < len(row):
             _interpolate(designs, new, [part.mass for part in layers])
-        shares = options.shared and any(part.edge != "soft" for part in layers)  # wash fades into the mean later
+        shares = options.shared and any(
+            part.edge != "soft" for part in layers
+        )  # wash fades into the mean later
         width = max(1, round(options.shared * shape[0] / recipes[0].size[0])) if shares else 0
         ring = _Ring(symmetry(recipes[0].repeat, shape), width, designs, new)
         border = mirrors(recipes[0].repeat, shape, options.weight > 0)

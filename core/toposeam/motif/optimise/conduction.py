@@ -217,11 +217,10 @@ def outline_on_cell(outline: str, place: str, repeat: str, shape: tuple[int, int
 
     On a hexagonal cell too, so that its coordinates are those of the lattice.
     """
+    problem: type[LayerProblem] = LayerProblem
     if repeat in HEXAGONAL:
-        from toposeam.motif.optimise.hexagonal_lattice import HexagonalProblem as Problem
-    else:
-        Problem = LayerProblem  # noqa: N806
-    inside = Problem.outline_of(outline, repeat, shape)
+        from toposeam.motif.optimise.hexagonal_lattice import HexagonalProblem as problem  # noqa: N813
+    inside = problem.outline_of(outline, repeat, shape)
     return inside if place == "inside" else ~inside
 
 

@@ -80,9 +80,7 @@ class HexagonalProblem(LayerProblem):
 
 def refined(nodes: npt.NDArray[np.floating], shape: tuple[int, int]) -> Floats:
     """Interpolate a lattice on another number of nodes along each side."""
-    rows, columns = (
-        np.arange(many) * (side / many) for many, side in zip(shape, nodes.shape, strict=True)
-    )
+    rows, columns = (np.arange(many) * (side / many) for many, side in zip(shape, nodes.shape, strict=True))
     v, u = np.meshgrid(rows, columns, indexing="ij")
     fine: Floats = map_coordinates(nodes, [v, u], order=3, mode="grid-wrap")
     return fine

@@ -189,6 +189,40 @@ def advance(
     return proposed, state.nodes, step
 
 
+def on_outline(own: Recipe) -> Recipe:
+    """Return the recipe of one layer with its mass as the mean on the whole cell, not only on its domain.
+
+    Raises
+    ------
+    OptionError
+        Where nothing is left of the cell.
+    """
+    layer = own.layers[0]
+    if layer.place == "everywhere":
+        return own
+    domain = problem_at(layer, own, own.size).domain
+    assert domain is not None  # noqa: S101
+    share = float(domain.mean())
+    if not share:
+        raise OptionError(
+            "by {repeat} the outline covers the whole cell, so that nothing lies {place} of it; take a "
+            "smaller one, or another rule",
+            kind="empty",
+            parameter=Term("outline"),
+            repeat=own.repeat,
+            place=layer.place,
+        )
+    return replace(own, layers=(replace(layer, mass=layer.mass * share),))
+
+
+def first_density(problem: LayerProblem, mass: float) -> Floats:
+    """Return the even density of a mean `mass`, on the layer's domain only."""
+    shape = problem.symmetry.shape
+    if problem.domain is None:
+        return np.full(shape, mass)
+    return np.where(problem.domain, min(mass / problem.domain.mean(), 1.0), MIN_DENSITY)
+
+
 def update(
     density: Floats,
     slope: Floats,

@@ -106,7 +106,9 @@ def _random_places(
     if inside is not None:
         margin = 0.0
         size = np.array([inside.shape[1], inside.shape[0]])
-        deep = ndimage.binary_erosion(inside, iterations=round(_MARGIN / 3 * min(inside.shape)), border_value=1)
+        deep = ndimage.binary_erosion(
+            inside, iterations=round(_MARGIN / 3 * min(inside.shape)), border_value=1
+        )
         free = np.argwhere(deep if deep.any() else inside)[:, ::-1]
     apart = _MIN_DISTANCE * np.sqrt(aspect / count)
     for _ in range(count):

@@ -227,9 +227,8 @@ def places_in_drawing(source: str | os.PathLike[str], cell: tuple[int, int] = (1
 
     Examples
     --------
-    >>> places_in_drawing(
-    ...     '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 100 100"><circle cx="25" cy="50" r="2"/></svg>'
-    ... ).round(2).tolist()
+    >>> page = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 100 100">{}</svg>'
+    >>> places_in_drawing(page.format('<circle cx="25" cy="50" r="2"/>')).round(2).tolist()
     [[0.25, 0.5, 1.0]]
     """
     rows, columns = check_pair("cell", cell, 1)

@@ -1,6 +1,4 @@
 from .borders import (
-    BESIDE_STROKES,
-    FADE,
     border_visibility,
     compared_distance,
     fade_to_mean,
@@ -23,8 +21,6 @@ from .rules import (
 from .tiling import extend, period, shift_of, tile
 
 __all__ = [
-    "BESIDE_STROKES",
-    "FADE",
     "GENERATORS",
     "GROUPS",
     "HEXAGONAL",

@@ -109,7 +109,9 @@ def lines_of_copies(repeat: str, counts: tuple[float, float]) -> tuple[list[Plac
             [Placed(0.0, float(y + y % 2), 1, -1 if y % 2 else 1) for y in range(rows)],
         )
     if repeat == "rotate":  # every second row begins with the second copy of the first
-        turned = [Placed(x + 1.0, 1.0, -1, -1) if x % 2 else Placed(float(x)) for x in range(columns + (rows > 1))]
+        turned = [
+            Placed(x + 1.0, 1.0, -1, -1) if x % 2 else Placed(float(x)) for x in range(columns + (rows > 1))
+        ]
         return turned, [Placed(-float(y % 2), float(y)) for y in range(rows)]
     return [Placed(float(x)) for x in range(columns)], [Placed(0.0, float(y)) for y in range(rows)]
 

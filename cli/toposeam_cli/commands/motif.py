@@ -227,44 +227,46 @@ def motif(
     paper = ink.over(
         sheet_was, counts=None if sheet is None else sheet[::-1], pixels=pixels, frame=frame or None
     )
-    if paper.frame and not recipe.one_piece:
-        raise ts.OptionError("--frame holds a cut-out or a stencil together; add --one-piece or --stencil")
-    if frames is not None and animate is None:
-        raise ts.OptionError(
-            "--frames is for --animate; say where the growth goes with --animate growth.webp"
-        )
     if show_recipe:
         say(to_toml(recipe), lines=True, nl=False)
     if output is None:
         return
-    drawn = output.suffix.lower() in DRAWINGS
-    paper.check(recipe, drawn)
-    if pixels is not None and (ink.width_mm is not None or drawn):
-        raise ts.OptionError(
-            "--pixels sets the size of a .png or .tif; leave it out with --motif-width and for .svg and .pdf"
-        )
+    _check_paper(output, recipe, paper, pixels, ink)
     others = _colourways(colourways, output, len(recipe.layers))
     for path in (output, *others):
         check_output(path, force, SUFFIXES)
         check_print(path, ink_names(recipe), ink, force)
-    if animate is not None:
-        check_growth(animate, force)
+    check_growth(animate, frames, force)
     with share_bar(f"inventing {output.name}", quiet) as bar, _allowing_more():
-        growth = None
-        if animate is None:
-            made = ts.generate_motif(recipe, max_megapixels=max_megapixels, progress=bar)
-        else:
-            growth = ts.motif.animate(recipe, max_megapixels=max_megapixels, progress=bar)
-            made = growth.motif
+        growing = ts.generate_motif if animate is None else ts.motif.animate
+        growth = growing(recipe, max_megapixels=max_megapixels, progress=bar)
+    made = growth if isinstance(growth, ts.motif.Motif) else growth.motif
     with all_or_nothing():
         extent = _write(output, made, paper, ink, others, wanted.paper is not None, force)
-        if animate is not None and growth is not None:
-            write_growth(animate, growth, paper, frames, force)
+        write_growth(animate, growth, paper, frames, force)
     if not quiet:
         unseen = unseen_inks(recipe)
         if unseen is not None:
             say(unseen, err=True)
         say(f"{output}: {extent}, {describe(made, paper.counts)}", err=show_recipe)
+
+
+def _check_paper(
+    output: Path,
+    recipe: ts.motif.Recipe,
+    paper: Print,
+    pixels: tuple[int, int] | None,
+    ink: PrintOptions,
+) -> None:
+    """Refuse a print that cannot be made, before any work."""
+    drawn = output.suffix.lower() in DRAWINGS
+    paper.check(recipe, drawn)
+    if paper.frame and not recipe.one_piece:
+        raise ts.OptionError("--frame holds a cut-out or a stencil together; add --one-piece or --stencil")
+    if pixels is not None and (ink.width_mm is not None or drawn):
+        raise ts.OptionError(
+            "--pixels sets the size of a .png or .tif; leave it out with --motif-width and for .svg and .pdf"
+        )
 
 
 @contextmanager
@@ -523,6 +525,23 @@ def _with_layers(recipe: ts.motif.Recipe, values: dict[str, Any]) -> ts.motif.Re
     )
 
 
+def _composed(recipe: ts.motif.Recipe, given: dict[str, Any]) -> ts.motif.Recipe:
+    """Return a recipe with the places of a composition; its pictures are packed in `given`, in place."""
+    for name in {"sources", "sinks"} & set(given):
+        if not isinstance(given[name], np.ndarray):
+            continue
+        places: Any = tuple(map(tuple, given.pop(name).tolist()))
+        recipe = _with_layers(recipe, {name: places})
+    if "outline" in given:
+        given["outline"] = pack_outline(given["outline"], given.get("size", recipe.size[::-1])[::-1])
+        given.setdefault("place", "inside")
+    if "guide" in given:
+        given["guide"] = pack_guide(given["guide"], given.get("size", recipe.size[::-1])[::-1])
+    if given.get("one_piece"):
+        recipe = _with_layers(recipe, {"edge": "crisp"})
+    return recipe
+
+
 def _changed(recipe: ts.motif.Recipe, given: dict[str, Any], amount: float | None) -> ts.motif.Recipe:
     """Return a whole recipe with the given options changed, then varied."""
     seed = given.pop("seed", None)
@@ -545,18 +564,7 @@ def _changed(recipe: ts.motif.Recipe, given: dict[str, Any], amount: float | Non
         )
     if style is not None:
         recipe = ts.motif.restyle(recipe, style)
-    for name in {"sources", "sinks"} & set(given):
-        if not isinstance(given[name], np.ndarray):
-            continue
-        places: Any = tuple(map(tuple, given.pop(name).tolist()))
-        recipe = _with_layers(recipe, {name: places})
-    if "outline" in given:
-        given["outline"] = pack_outline(given["outline"], given.get("size", recipe.size[::-1])[::-1])
-        given.setdefault("place", "inside")
-    if "guide" in given:
-        given["guide"] = pack_guide(given["guide"], given.get("size", recipe.size[::-1])[::-1])
-    if given.get("one_piece"):
-        recipe = _with_layers(recipe, {"edge": "crisp"})
+    recipe = _composed(recipe, given)
     layers = [dataclasses.asdict(layer) for layer in recipe.layers]
     for name in {"iterations", "filter_radius"} & set(given):  # of all layers
         layers = [{**layer, name: None} for layer in layers]

@@ -26,13 +26,19 @@ _FRAMES, _DRAWN_FRAMES = 72, 36
 _LARGEST_PX = 2_000_000_000
 
 
-def check_growth(path: Path, force: bool) -> None:
+def check_growth(path: Path | None, frames: int | None, force: bool) -> None:
     """Refuse an animation that cannot be written, before any work.
 
     Raises
     ------
     OptionError, MissingPackageError
     """
+    if path is None:
+        if frames is not None:
+            raise ts.OptionError(
+                "--frames is for --animate; say where the growth goes with --animate growth.webp"
+            )
+        return
     if path.suffix.lower() == ".svg":
         check_output(path, force, (".svg",))
         return
@@ -41,14 +47,20 @@ def check_growth(path: Path, force: bool) -> None:
 
 
 def write_growth(
-    path: Path, growth: ts.motif.Animation, paper: Print, frames: int | None, force: bool
+    path: Path | None,
+    growth: ts.motif.Animation | ts.motif.Motif,
+    paper: Print,
+    frames: int | None,
+    force: bool,
 ) -> None:
-    """Write the growth of a motif, on the sheet on which the motif is printed.
+    """Write the growth of a motif, if it is wanted, on the sheet on which the motif is printed.
 
     Raises
     ------
     OptionError, OutputError
     """
+    if path is None or isinstance(growth, ts.motif.Motif):
+        return
     if path.suffix.lower() == ".svg":
         many = frames or _DRAWN_FRAMES
         document = growth.to_svg(

@@ -131,7 +131,7 @@ class PlacesType(NumbersType):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Parse the text; names of files stay texts."""
-        if isinstance(value, str) and re.fullmatch(r"[\d,\s+-]+|", value) is None:
+        if isinstance(value, str) and Path(value).suffix[1:2].isalpha():
             return value
         return super().convert(value, param, ctx)
 

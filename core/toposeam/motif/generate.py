@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any, TypedDict, Unpack
 
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.arrays import Floats
+from toposeam.arrays import Floats, Mask
 from toposeam.checks import (
     Seed,
     check_choice,
@@ -31,9 +32,9 @@ from toposeam.motif.finishing import finish, spread_copies
 from toposeam.motif.ink.palettes import PALETTES, Palette, palette
 from toposeam.motif.ink.stroke_repair import repair_strokes
 from toposeam.motif.motif import Motif
-from toposeam.motif.optimise.conduction import nominal_conductivity, outline_on_cell
+from toposeam.motif.optimise.conduction import nominal_conductivity
 from toposeam.motif.optimise.hexagonal_lattice import tile_size, to_tile
-from toposeam.motif.optimise.layer import Step, on_outline, optimise_layer
+from toposeam.motif.optimise.layer import Step, on_outline, optimise_layer, outline_on_cell
 from toposeam.motif.optimise.spots import Points, inside_only, lay_spots, place_around, spots
 from toposeam.motif.recipe.composition import pack_guide, pack_outline
 from toposeam.motif.recipe.recipe import (
@@ -46,7 +47,7 @@ from toposeam.motif.recipe.recipe import (
     pack_base,
     unpack_base,
 )
-from toposeam.motif.recipe.styles import STYLES, draw_rule, styles_of
+from toposeam.motif.recipe.styles import STYLES, Style, draw_rule, styles_of
 from toposeam.motif.symmetry.rules import HEXAGONAL, check_repeat
 
 #: Least penalty exponent of a layer that is drawn in strokes; below, it is ink wash.
@@ -372,16 +373,10 @@ def random_recipe(
         base_law = "brightness" if styles[0] == "thesis" else "contrast"
     check_choice("base_law", base_law, LAWS)
     packed = "" if base is None else pack_base(base)
-    shape_of_outline = "" if outline is None else pack_outline(outline, shape)
-    places = (
-        _words(place, layers, "place") if place is not None else [PLACES[bool(outline is not None)]] * layers
-    )
-    copies = _counts(scale, layers)
+    composed = _Composition.of(outline, place, scale, guide, layers, repeat, shape)
     shown = (
         _base_conductivity(packed, base_strength, base_law) if packed and repeat not in HEXAGONAL else None
     )
-    packed_guide = "" if guide is None else pack_guide(guide, shape)
-    lines = outline_on_cell(packed_guide, "inside", repeat, shape) if packed_guide else None
     recipes = []
     for index in range(layers):
         # Draw every parameter, used or not, so that giving one does not change the others.
@@ -389,14 +384,10 @@ def random_recipe(
         many, few = int(draw.integers(*like.sources)), int(draw.integers(*like.sinks))
         drawn_mass, (low_ambient, high_ambient) = float(draw.uniform(*like.mass)), like.ambient
         drawn_ambient = high_ambient - (high_ambient - low_ambient) * float(draw.random()) ** 2
-        drawn_penalty = float(draw.uniform(1.0, 1.3)) if draw.random() < like.wash else like.penalty
-        if one_piece:  # wash has no edge to cut along
-            drawn_penalty = max(drawn_penalty, _MIN_CUT_PENALTY)
+        drawn_penalty = _drawn_penalty(like, draw, one_piece)
         aspect = shape[1] / shape[0]
         laid = lay_spots(like.lay, draw, seed, (low, high), aspect) if free else None
-        inside = None
-        if shape_of_outline and places[index] != "everywhere" and copies[index] == 1:
-            inside = outline_on_cell(shape_of_outline, places[index], repeat, shape)
+        inside = composed.inside(index)
         given = spots(
             _layer_points(sources, index, layers, "sources"),
             draw,
@@ -417,13 +408,13 @@ def random_recipe(
             "sinks",
             repeat,
             shown,
-            inside if lines is None else lines,
+            composed.along(inside),
         )
         if distance is not None:
             check_range(0, 1, above=True, distance=distance)  # of the cell's shorter side
             drains = place_around(given, drains, distance, draw, shape)
         if laid is not None:
-            given, drains = laid if inside is None else (inside_only(points, inside) for points in laid)
+            given, drains = (inside_only(points, inside) for points in laid)
         exponent = _number(penalty, index, layers, drawn_penalty, "penalty")
         recipes.append(
             LayerRecipe(
@@ -433,13 +424,13 @@ def random_recipe(
                 ambient=drawn_ambient if ambient is None else ambient,
                 mass=_number(mass, index, layers, drawn_mass, "mass"),
                 penalty=exponent,
-                edge=_edge(edge, index, layers, exponent, "" if one_piece else styles[index]),
+                edge=_edge(edge, index, layers, exponent, styles[index], one_piece),
                 style=styles[index],
                 avoid=like.avoid if avoid is None else avoid,
                 iterations=_own(like.iterations, STYLES[styles[0]].iterations, iterations),
                 filter_radius=_own(like.filter_radius, STYLES[styles[0]].filter_radius, filter_radius),
-                place=places[index],
-                scale=copies[index],
+                place=composed.places[index],
+                scale=composed.copies[index],
             )
         )
     first = STYLES[styles[0]]
@@ -457,13 +448,65 @@ def random_recipe(
         base_strength=base_strength if packed else 0.0,
         base_law=base_law,
         inking=inking,
-        outline=shape_of_outline,
-        guide=packed_guide,
+        outline=composed.outline,
+        guide=composed.guide,
         knock_out=knock_out,
         trap=trap,
         one_piece=one_piece,
         bridge=bridge,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _Composition:
+    """Where the layers of a motif lie."""
+
+    #: The packed outline and guide; empty for none.
+    outline: str
+    guide: str
+    #: The place and the number of copies of each layer.
+    places: list[str]
+    copies: list[int]
+    repeat: str
+    shape: tuple[int, int]
+
+    @classmethod
+    def of(
+        cls,
+        outline: str | npt.ArrayLike | None,
+        place: str | Sequence[str] | None,
+        scale: int | Sequence[int],
+        guide: npt.ArrayLike | None,
+        layers: int,
+        repeat: str,
+        shape: tuple[int, int],
+    ) -> _Composition:
+        """Return the composition of the options of :func:`random_recipe`."""
+        places = PLACES[int(outline is not None)] if place is None else place
+        return cls(
+            "" if outline is None else pack_outline(outline, shape),
+            "" if guide is None else pack_guide(guide, shape),
+            _words(places, layers, "place"),
+            _counts(scale, layers),
+            repeat,
+            shape,
+        )
+
+    def inside(self, layer: int) -> Mask | None:
+        """Return where the random places of a layer may lie; None for anywhere."""
+        if not self.outline or self.places[layer] == "everywhere" or self.copies[layer] > 1:
+            return None
+        return outline_on_cell(self.outline, self.places[layer], self.repeat, self.shape)
+
+    def along(self, inside: Mask | None) -> Mask | None:
+        """Return where the random sinks of a layer may lie: on the guide, if there is one."""
+        return outline_on_cell(self.guide, "inside", self.repeat, self.shape) if self.guide else inside
+
+
+def _drawn_penalty(like: Style, draw: np.random.Generator, one_piece: str) -> float:
+    """Draw the penalty exponent of a style; wash has no edge to cut along."""
+    drawn = float(draw.uniform(1.0, 1.3)) if draw.random() < like.wash else like.penalty
+    return max(drawn, _MIN_CUT_PENALTY) if one_piece else drawn
 
 
 def _words(value: str | Sequence[str], layers: int, name: str) -> list[str]:
@@ -562,9 +605,12 @@ def _number(value: float | Sequence[float] | None, index: int, layers: int, draw
     return check_number(name, values[index])
 
 
-def _edge(value: str | Sequence[str] | None, index: int, layers: int, penalty: float, style: str) -> str:
+def _edge(
+    value: str | Sequence[str] | None, index: int, layers: int, penalty: float, style: str, one_piece: str
+) -> str:
     if value is None:
-        return "crisp" if penalty >= _MIN_STROKE_PENALTY and style != "thesis" else "soft"
+        strokes = penalty >= _MIN_STROKE_PENALTY and style != "thesis"
+        return "crisp" if strokes or one_piece else "soft"
     return _words(value, layers, "edge")[index]
 
 

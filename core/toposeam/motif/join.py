@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import compress, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -249,7 +249,11 @@ def join_motifs(
             for index, member in enumerate(row)
         ]
 
-    motifs = made(layers) if weight == 0 and shared == 0 else _with_even_borders(layers, made)
+    motifs = (
+        made(layers)
+        if weight == 0 and shared == 0
+        else _with_even_borders(layers, made, [member.stage == 1 for member in row])
+    )
     return JoinedMotifs(motifs=tuple(motifs), stages=tuple(member.stage for member in row), weight=weight)
 
 
@@ -289,16 +293,17 @@ def _finish_layer(row: list[Member], layer: int, shared: int, weight: float) -> 
 def _with_even_borders(
     layers: list[list[npt.NDArray[np.float32]]],
     made: Callable[[list[list[npt.NDArray[np.float32]]]], list[Motif]],
+    first: Sequence[bool],
 ) -> list[Motif]:
     """Return the motifs of layers, each a list of densities, whose borders show least where they are laid.
 
     Where a border shows more than the lines inside, all motifs get a common factor along it, and the best of
-    some factors is kept.
+    some factors is kept; which one the `first` motifs say, so that further stages do not change them.
     """
     motifs = made(layers)
     for index in range(len(layers)):
         for axis in (0, 1):
-            worst = _laid_visibility(motifs, index, axis)
+            worst = _laid_visibility(list(compress(motifs, first)), index, axis)
             if worst <= _EVEN_ENOUGH:
                 continue
             shape, repeat = layers[index][0].shape, motifs[0].repeat
@@ -312,7 +317,7 @@ def _with_even_borders(
                         np.clip(one * factor, MIN_DENSITY, 1.0).astype(np.float32) for one in before
                     ]
                     found = made(tried)
-                    shown = _laid_visibility(found, index, axis)
+                    shown = _laid_visibility(list(compress(found, first)), index, axis)
                     if shown < worst:
                         motifs, layers, worst = found, tried, shown
                 if worst <= _EVEN_ENOUGH:

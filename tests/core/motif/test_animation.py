@@ -37,7 +37,7 @@ def test_every_frame_has_the_whole_group(animation):
         np.testing.assert_allclose(cell, cell[::-1], atol=1e-6)
 
 
-def test_an_svg_moves_and_shows_the_last_frame_where_nothing_moves(animation):
+def test_an_svg_moves_and_ends_with_the_motif(animation):
     document = animation.to_svg((1, 2), frames=5, seconds=2.0, pause=1.0)
     groups = re.findall(r'<g id="frame-(\d)"( display="none")?>', document)
     assert [(number, bool(hidden)) for number, hidden in groups] == [

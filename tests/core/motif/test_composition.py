@@ -7,11 +7,9 @@ import pytest
 from scipy import ndimage
 
 import toposeam as ts
-from toposeam.motif.ink.one_piece import one_piece
-from toposeam.motif.ink.raster import Raster
-from toposeam.motif.optimise.conduction import LayerProblem, outline_on_cell
-from toposeam.motif.optimise.hexagonal_lattice import HexagonalProblem
-from toposeam.motif.recipe.recipe import unpack_base
+from toposeam.motif.ink import Raster, one_piece
+from toposeam.motif.optimise import HexagonalProblem, LayerProblem, outline_on_cell
+from toposeam.motif.recipe import unpack_base
 from toposeam.motif.symmetry import symmetry
 
 SIZE = 64

@@ -167,7 +167,7 @@ class _Tree:
 
     def joins(self, link: _Link) -> bool:
         """Connect two cores; return False where they were connected so already."""
-        a, b = self._set[link.a], self._set[link.b]
+        a, b = int(self._set[link.a]), int(self._set[link.b])
         shift = self._copy[link.a] + np.array(link.shift) - self._copy[link.b]
         if a != b:
             members = self._set == b
@@ -176,7 +176,7 @@ class _Tree:
             self._shifts[a] = _basis([*self._shifts[a], *self._shifts[b]])
             return True
         basis = _basis([*self._shifts[a], (int(shift[0]), int(shift[1]))])
-        new = basis != self._shifts[a]
+        new: bool = basis != self._shifts[a]
         self._shifts[a] = basis
         return new
 

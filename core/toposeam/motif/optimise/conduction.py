@@ -25,7 +25,7 @@ from toposeam.errors import OptionError, Term
 from toposeam.heat.plate import Plate
 from toposeam.motif.ink.sampling import resample
 from toposeam.motif.recipe.recipe import LayerRecipe, Point, Recipe, unpack_base
-from toposeam.motif.symmetry.rules import HEXAGONAL, Symmetry, joint, symmetry
+from toposeam.motif.symmetry.rules import Symmetry, joint, symmetry
 from toposeam.motif.symmetry.tiling import extend, shift_of
 
 #: Lowest density: with 0 an element could never gain material again.
@@ -210,18 +210,6 @@ class LayerProblem:
     def refine(self, density: Floats, shape: tuple[int, int]) -> Floats:
         """Resample the densities to a plate of twice the size."""
         return resample(density, self.repeat, shape).astype(np.float64)
-
-
-def outline_on_cell(outline: str, place: str, repeat: str, shape: tuple[int, int]) -> Mask:
-    """Return where places may be drawn that lie inside or outside of a packed outline, (h, w).
-
-    On a hexagonal cell too, so that its coordinates are those of the lattice.
-    """
-    problem: type[LayerProblem] = LayerProblem
-    if repeat in HEXAGONAL:
-        from toposeam.motif.optimise.hexagonal_lattice import HexagonalProblem as problem  # noqa: N813
-    inside = problem.outline_of(outline, repeat, shape)
-    return inside if place == "inside" else ~inside
 
 
 def void_of(layer: LayerRecipe) -> float:

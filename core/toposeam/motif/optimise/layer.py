@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.arrays import Floats
+from toposeam.arrays import Floats, Mask
 from toposeam.errors import OptionError, Term
 from toposeam.motif.optimise.conduction import MIN_DENSITY, LayerProblem, filter_radius
 from toposeam.motif.optimise.hexagonal_lattice import HexagonalProblem
@@ -187,6 +187,13 @@ def advance(
             proposed, layer.mass, lowest, highest, wash=layer.edge != "crisp", axes=balanced_axes(problem)
         )
     return proposed, state.nodes, step
+
+
+def outline_on_cell(outline: str, place: str, repeat: str, shape: tuple[int, int]) -> Mask:
+    """Return the elements, or nodes, that lie inside or outside of a packed outline, (h, w)."""
+    kind = HexagonalProblem if repeat in HEXAGONAL else LayerProblem
+    inside = kind.outline_of(outline, repeat, shape)
+    return inside if place == "inside" else ~inside
 
 
 def on_outline(own: Recipe) -> Recipe:

@@ -136,8 +136,10 @@ def lies_in(inside: Mask, place: npt.ArrayLike) -> bool:
     return bool(inside[min(int(y * rows), rows - 1), min(int(x * columns), columns - 1)])
 
 
-def inside_only(points: tuple[Point, ...], inside: Mask) -> tuple[Point, ...]:
-    """Return the points that lie in a mask; if none does, the one nearest to it, moved there."""
+def inside_only(points: tuple[Point, ...], inside: Mask | None) -> tuple[Point, ...]:
+    """Return the points that lie in a mask, if there is one; if none does, one of them, moved there."""
+    if inside is None:
+        return points
     kept = tuple(point for point in points if lies_in(inside, point))
     if kept or not points:
         return kept

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import toposeam as ts
-from toposeam.motif.symmetry.tiling import lines_of_copies, tile
+from toposeam.motif.symmetry import lines_of_copies, tile
 
 CELL = np.arange(24.0).reshape(4, 6)
 

@@ -24,6 +24,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Floats
 from toposeam.checks import check_function, check_items, check_kind, check_range, check_whole
 from toposeam.display import to_png
 from toposeam.errors import OptionError, Term
@@ -36,6 +37,8 @@ from toposeam.motif.optimise.compound import JoinOptions, Member, generate_row
 from toposeam.motif.optimise.conduction import MIN_DENSITY
 from toposeam.motif.recipe.recipe import LayerRecipe, Point, Recipe
 from toposeam.motif.symmetry.borders import (
+    BESIDE_STROKES,
+    FADE,
     border_visibility,
     edge_visibility,
     fade_to_mean,
@@ -277,7 +280,7 @@ def _finish_layer(row: list[Member], layer: int, shared: int, weight: float) -> 
     masses = [member.recipe.layers[layer].mass for member in row]
     edges = [member.recipe.layers[layer].edge for member in row]
     if shared and "soft" in edges:
-        soft = fade_to_mean(np.stack(found), first.repeat)
+        soft = fade_to_mean(np.stack(found), first.repeat, FADE if set(edges) == {"soft"} else BESIDE_STROKES)
         found = [soft[index] if edge == "soft" else found[index] for index, edge in enumerate(edges)]
     if shared and set(edges) == {"soft"}:
         found = smooth_wash_borders(found, first.repeat)
@@ -313,9 +316,7 @@ def _with_even_borders(
                 for power in _TRIED_POWERS:
                     factor = np.exp(power * bump)
                     tried = list(layers)
-                    tried[index] = [
-                        np.clip(one * factor, MIN_DENSITY, 1.0).astype(np.float32) for one in before
-                    ]
+                    tried[index] = [_scaled(one, factor, repeat) for one in before]
                     found = made(tried)
                     shown = _laid_visibility(list(compress(found, first)), index, axis)
                     if shown < worst:
@@ -323,6 +324,14 @@ def _with_even_borders(
                 if worst <= _EVEN_ENOUGH:
                     break
     return motifs
+
+
+def _scaled(density: npt.NDArray[np.float32], factor: Floats, repeat: str) -> npt.NDArray[np.float32]:
+    """Return a density times a factor, with its mass restored inside."""
+    changed = np.clip(density * factor, MIN_DENSITY, 1.0)
+    restored = restore_mass(changed, float(density.mean(dtype=np.float64)))
+    shape = (density.shape[0], density.shape[1])
+    return symmetry(repeat, shape).mean(restored).astype(np.float32)
 
 
 def _laid_visibility(motifs: list[Motif], layer: int, axis: int) -> float:

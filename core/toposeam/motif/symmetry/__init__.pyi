@@ -1,4 +1,6 @@
 from .borders import (
+    BESIDE_STROKES,
+    FADE,
     border_edges,
     border_visibility,
     compared_distance,
@@ -24,6 +26,8 @@ from .rules import (
 from .tiling import Placed, Scalar, copy_at, extend, lines_of_copies, period, shift_of, tile
 
 __all__ = [
+    "BESIDE_STROKES",
+    "FADE",
     "GENERATORS",
     "GROUPS",
     "HEXAGONAL",

@@ -38,9 +38,11 @@ _POWERS = (0.6, 4.0)
 #: Distance from the border at which densities begin to change for the mass, and the width over which the
 #: change becomes full; shares of the cell's side.
 _UNCHANGED_BORDER, _TRANSITION = 0.08, 0.07
-#: Width over which wash fades into the mean of all motifs, and the standard deviation of that mean's blur, as
-#: shares of the cell's side.
-_FADE, _MEAN_BLUR = 0.14, 0.025
+#: Width over which wash fades into the mean of all motifs, as a share of the cell's side; the second one if
+#: some of the motifs have strokes.
+FADE, BESIDE_STROKES = 0.14, 0.2
+#: Standard deviation of that mean's blur, as a share of the cell's side.
+_MEAN_BLUR = 0.025
 
 
 def border_visibility(pattern: npt.ArrayLike, cell: tuple[int, int]) -> float:
@@ -162,7 +164,7 @@ def edge_visibility(values: npt.NDArray[np.floating], side: int) -> float:
     return _border_share(np.sqrt(np.square(bend, dtype=np.float64).mean(axis=1)), side)
 
 
-def fade_to_mean(densities: Floats, repeat: str) -> Floats:
+def fade_to_mean(densities: Floats, repeat: str, share: float = FADE) -> Floats:
     """Fade the densities of motifs into the mean of all towards the border, where that is blurred: so no
     border has an edge, whichever motifs meet there. Images of the border inside of the cell are faded, too.
 
@@ -171,17 +173,19 @@ def fade_to_mean(densities: Floats, repeat: str) -> Floats:
     densities : (N, h, w) float array
     repeat : str
         The rule by which all of them repeat.
+    share : float
+        Width of the transition, as a share of the cell's shorter side.
     """
     height, width = densities.shape[1:]
     side = min(height, width)
-    reach, sigma = max(_FADE * side, 1.0), _MEAN_BLUR * side
+    reach, sigma = max(share * side, 1.0), _MEAN_BLUR * side
     margin = int(np.ceil(4 * sigma))
     mean = gaussian_filter(extend(densities.mean(axis=0), repeat, margin), sigma, mode="nearest")
     mean = mean[margin : margin + height, margin : margin + width]
     depth = [np.minimum(np.arange(long), np.arange(long)[::-1]) / reach for long in (height, width)]
-    share = np.clip(1.0 - np.minimum(depth[0][:, np.newaxis], depth[1][np.newaxis]), 0.0, 1.0)
-    share = symmetry(repeat, (height, width)).largest(share**2 * (3 - 2 * share))
-    result: Floats = (1 - share) * densities + share * mean
+    near = np.clip(1.0 - np.minimum(depth[0][:, np.newaxis], depth[1][np.newaxis]), 0.0, 1.0)
+    near = symmetry(repeat, (height, width)).largest(near**2 * (3 - 2 * near))
+    result: Floats = (1 - near) * densities + near * mean
     return result
 
 

@@ -54,10 +54,11 @@ def test_wash_that_joins_has_no_edges(repeat):
 def test_an_edge_of_even_mean_is_seen():
     field = noise()
     assert ts.motif.border_edges(field, (96, 96)) < 1
+    before = ts.motif.border_visibility(field, (96, 96))
     field[0, :48] += 0.4
     field[0, 48:] -= 0.4
     assert ts.motif.border_edges(field, (96, 96)) > 1.5
-    assert ts.motif.border_visibility(field, (96, 96)) < 1
+    assert ts.motif.border_visibility(field, (96, 96)) < 1.1 * before
 
 
 def test_mass_is_met_from_the_inside():

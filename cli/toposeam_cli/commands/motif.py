@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
@@ -21,7 +21,7 @@ from toposeam_cli.app.command import Command, option
 from toposeam_cli.app.options import MEGAPIXELS, OUTPUT, PairType, force_option, quiet_option
 from toposeam_cli.app.progress import say, share_bar
 from toposeam_cli.files.writing import all_or_nothing, atomic_write, check_output, replacing
-from toposeam_cli.motifs.growing import check_growth, write_growth
+from toposeam_cli.motifs.growing import check_growth, grown, write_growth
 from toposeam_cli.motifs.options import Beginning, Share, Wanted, beginning_options, recipe_options
 from toposeam_cli.motifs.print_options import (
     PrintOptions,
@@ -48,6 +48,9 @@ from toposeam_cli.motifs.recipe_files import (
     to_toml,
 )
 from toposeam_cli.motifs.themes import read_colours, read_outline, read_places, read_theme
+
+if TYPE_CHECKING:
+    from toposeam.motif import Motif, Recipe
 
 #: Options that may change a given recipe: fields of `Recipe`, then fields of each of its layers.
 _OF_RECIPE = (
@@ -238,12 +241,10 @@ def motif(
         check_print(path, ink_names(recipe), ink, force)
     check_growth(animate, frames, force)
     with share_bar(f"inventing {output.name}", quiet) as bar, _allowing_more():
-        growing = ts.generate_motif if animate is None else ts.motif.animate
-        growth = growing(recipe, max_megapixels=max_megapixels, progress=bar)
-    made = growth if isinstance(growth, ts.motif.Motif) else growth.motif
+        made, animation = grown(recipe, animate, max_megapixels, bar)
     with all_or_nothing():
         extent = _write(output, made, paper, ink, others, wanted.paper is not None, force)
-        write_growth(animate, growth, paper, frames, force)
+        write_growth(animate, animation, paper, frames, force)
     if not quiet:
         unseen = unseen_inks(recipe)
         if unseen is not None:
@@ -253,7 +254,7 @@ def motif(
 
 def _check_paper(
     output: Path,
-    recipe: ts.motif.Recipe,
+    recipe: Recipe,
     paper: Print,
     pixels: tuple[int, int] | None,
     ink: PrintOptions,
@@ -290,7 +291,7 @@ def _list(palettes: bool, styles: bool) -> None:
 
 def _write(
     output: Path,
-    made: ts.motif.Motif,
+    made: Motif,
     paper: Print,
     ink: PrintOptions,
     others: Mapping[Path, Palette],
@@ -396,7 +397,7 @@ def _explore(
         say(f"{output}: {len(recipes)} motifs; open it, and click those to keep")
 
 
-def _begun(beginning: Beginning) -> tuple[ts.motif.Recipe | None, dict[str, Any], dict[str, Any]]:
+def _begun(beginning: Beginning) -> tuple[Recipe | None, dict[str, Any], dict[str, Any]]:
     """Return the recipe to begin with, the print settings of its motif, and the options of a file of
     parameters.
     """
@@ -421,9 +422,9 @@ def _begun(beginning: Beginning) -> tuple[ts.motif.Recipe | None, dict[str, Any]
 def _recipe(
     given: dict[str, Any],
     amount: float | None,
-    begun: tuple[ts.motif.Recipe | None, dict[str, Any], dict[str, Any]],
+    begun: tuple[Recipe | None, dict[str, Any], dict[str, Any]],
     width_mm: float | None = None,
-) -> tuple[ts.motif.Recipe, dict[str, Any]]:
+) -> tuple[Recipe, dict[str, Any]]:
     """Return the varied recipe of the options and its base, and the print settings of that base."""
     whole, printed, options = begun
     given = {**options, **given}
@@ -518,14 +519,14 @@ def _with_strengths(places: list[Any]) -> list[Any]:
     return [_with_strengths(place) if isinstance(place, list) else place for place in places]
 
 
-def _with_layers(recipe: ts.motif.Recipe, values: dict[str, Any]) -> ts.motif.Recipe:
+def _with_layers(recipe: Recipe, values: dict[str, Any]) -> Recipe:
     """Return a recipe with some values of all its layers changed."""
     return dataclasses.replace(
         recipe, layers=tuple(dataclasses.replace(layer, **values) for layer in recipe.layers)
     )
 
 
-def _composed(recipe: ts.motif.Recipe, given: dict[str, Any]) -> ts.motif.Recipe:
+def _composed(recipe: Recipe, given: dict[str, Any]) -> Recipe:
     """Return a recipe with the places of a composition; its pictures are packed in `given`, in place."""
     for name in {"sources", "sinks"} & set(given):
         if not isinstance(given[name], np.ndarray):
@@ -542,7 +543,7 @@ def _composed(recipe: ts.motif.Recipe, given: dict[str, Any]) -> ts.motif.Recipe
     return recipe
 
 
-def _changed(recipe: ts.motif.Recipe, given: dict[str, Any], amount: float | None) -> ts.motif.Recipe:
+def _changed(recipe: Recipe, given: dict[str, Any], amount: float | None) -> Recipe:
     """Return a whole recipe with the given options changed, then varied."""
     seed = given.pop("seed", None)
     palette, style = given.pop("palette", None), given.pop("style", None)

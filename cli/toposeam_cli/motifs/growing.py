@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -10,7 +10,10 @@ from pathlib import Path
 import numpy as np
 
 import toposeam as ts
+from toposeam.motif.animation import Animation, animate
 from toposeam.motif.ink.mixing import mix
+from toposeam.motif.motif import Motif
+from toposeam.motif.recipe.recipe import Recipe
 from toposeam_cli.files.writing import atomic_write, check_output
 from toposeam_cli.media.clips.clip import Clip
 from toposeam_cli.media.clips.writing import SUFFIXES, check_clip_output, write_clip
@@ -46,9 +49,19 @@ def check_growth(path: Path | None, frames: int | None, force: bool) -> None:
     check_clip_output(path, force)
 
 
+def grown(
+    recipe: Recipe, path: Path | None, max_megapixels: float, progress: Callable[[float], None] | None
+) -> tuple[Motif, Animation | None]:
+    """Return the motif of a recipe, and its growth if that is to be written."""
+    if path is None:
+        return ts.motif(recipe, max_megapixels=max_megapixels, progress=progress), None
+    growth = animate(recipe, max_megapixels=max_megapixels, progress=progress)
+    return growth.motif, growth
+
+
 def write_growth(
     path: Path | None,
-    growth: ts.motif.Animation | ts.motif.Motif,
+    growth: Animation | None,
     paper: Print,
     frames: int | None,
     force: bool,
@@ -59,7 +72,7 @@ def write_growth(
     ------
     OptionError, OutputError
     """
-    if path is None or isinstance(growth, ts.motif.Motif):
+    if path is None or growth is None:
         return
     if path.suffix.lower() == ".svg":
         many = frames or _DRAWN_FRAMES
@@ -86,7 +99,7 @@ def write_growth(
 class _Frames:
     """The frames of an animation, printed one by one; the last one stands still for a while."""
 
-    growth: ts.motif.Animation
+    growth: Animation
     paper: Print
     count: int
 

@@ -6,7 +6,7 @@ import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
@@ -15,6 +15,8 @@ import toposeam as ts
 from toposeam.motif.ink.mixing import mix
 from toposeam.motif.ink.pdf import draw_pdf
 from toposeam.motif.ink.printing import Inked
+from toposeam.motif.ink.svg import SvgOptions
+from toposeam.motif.motif import Motif
 from toposeam.motif.symmetry.kaleidoscope import GROUPS
 from toposeam.motif.symmetry.tiling import shift_of
 from toposeam_cli.app.command import option
@@ -23,6 +25,9 @@ from toposeam_cli.files.writing import all_or_nothing, atomic_write, check_outpu
 from toposeam_cli.media.pictures.picture import write_picture
 from toposeam_cli.motifs.printing import DRAWINGS, Print, plate_path, printable, separation
 from toposeam_cli.motifs.recipe_files import read_recipe, to_xmp
+
+if TYPE_CHECKING:
+    from toposeam.motif import Recipe
 
 
 class RepeatType(click.Choice[str]):
@@ -186,15 +191,15 @@ def write_print(
     return f"{image.shape[1]} × {image.shape[0]} px"
 
 
-def drawing_options(made: Inked, paper: Print) -> ts.motif.SvgOptions:
+def drawing_options(made: Inked, paper: Print) -> SvgOptions:
     """Return the options with which a print is drawn."""
-    frame = made.frame if paper.frame and isinstance(made, ts.motif.Motif) else 0.0
-    return ts.motif.SvgOptions(
+    frame = made.frame if paper.frame and isinstance(made, Motif) else 0.0
+    return SvgOptions(
         levels=paper.levels, width_mm=paper.width_mm, transparent=paper.transparent, frame=frame
     )
 
 
-def renamed(recipe: ts.motif.Recipe, names: str | None, edges: str | None) -> ts.motif.Recipe:
+def renamed(recipe: Recipe, names: str | None, edges: str | None) -> Recipe:
     """Return a recipe whose inks have other names and edges: one for all, or one per ink, separated by
     commas.
     """

@@ -38,7 +38,6 @@ from toposeam.motif.optimise.conduction import MIN_DENSITY
 from toposeam.motif.recipe.recipe import LayerRecipe, Point, Recipe
 from toposeam.motif.symmetry.borders import (
     BESIDE_STROKES,
-    FADE,
     border_visibility,
     edge_visibility,
     fade_to_mean,
@@ -280,7 +279,8 @@ def _finish_layer(row: list[Member], layer: int, shared: int, weight: float) -> 
     masses = [member.recipe.layers[layer].mass for member in row]
     edges = [member.recipe.layers[layer].edge for member in row]
     if shared and "soft" in edges:
-        soft = fade_to_mean(np.stack(found), first.repeat, FADE if set(edges) == {"soft"} else BESIDE_STROKES)
+        mixed = set(edges) != {"soft"}
+        soft = fade_to_mean(np.stack(found), first.repeat, *((shared, BESIDE_STROKES) if mixed else ()))
         found = [soft[index] if edge == "soft" else found[index] for index, edge in enumerate(edges)]
     if shared and set(edges) == {"soft"}:
         found = smooth_wash_borders(found, first.repeat)

@@ -164,7 +164,7 @@ def edge_visibility(values: npt.NDArray[np.floating], side: int) -> float:
     return _border_share(np.sqrt(np.square(bend, dtype=np.float64).mean(axis=1)), side)
 
 
-def fade_to_mean(densities: Floats, repeat: str, share: float = FADE) -> Floats:
+def fade_to_mean(densities: Floats, repeat: str, shared: int = 0, share: float = FADE) -> Floats:
     """Fade the densities of motifs into the mean of all towards the border, where that is blurred: so no
     border has an edge, whichever motifs meet there. Images of the border inside of the cell are faded, too.
 
@@ -173,6 +173,9 @@ def fade_to_mean(densities: Floats, repeat: str, share: float = FADE) -> Floats:
     densities : (N, h, w) float array
     repeat : str
         The rule by which all of them repeat.
+    shared : int
+        Number of rows and columns along the border that become the mean itself, which is not blurred then, as
+        strokes have it, too.
     share : float
         Width of the transition, as a share of the cell's shorter side.
     """
@@ -180,9 +183,14 @@ def fade_to_mean(densities: Floats, repeat: str, share: float = FADE) -> Floats:
     side = min(height, width)
     reach, sigma = max(share * side, 1.0), _MEAN_BLUR * side
     margin = int(np.ceil(4 * sigma))
-    mean = gaussian_filter(extend(densities.mean(axis=0), repeat, margin), sigma, mode="nearest")
-    mean = mean[margin : margin + height, margin : margin + width]
-    depth = [np.minimum(np.arange(long), np.arange(long)[::-1]) / reach for long in (height, width)]
+    mean = densities.mean(axis=0)
+    if not shared:
+        mean = gaussian_filter(extend(mean, repeat, margin), sigma, mode="nearest")
+        mean = mean[margin : margin + height, margin : margin + width]
+    depth = [
+        (np.minimum(np.arange(long), np.arange(long)[::-1]) + min(shared, 1) - shared) / reach
+        for long in (height, width)
+    ]
     near = np.clip(1.0 - np.minimum(depth[0][:, np.newaxis], depth[1][np.newaxis]), 0.0, 1.0)
     near = symmetry(repeat, (height, width)).largest(near**2 * (3 - 2 * near))
     result: Floats = (1 - near) * densities + near * mean

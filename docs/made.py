@@ -56,6 +56,7 @@ SCRIPTS: dict[str, tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = {
         (),
     ),
     "motif_figures.py": (("motifs-*",), ("motif", "recipe"), ()),
+    "composition_figures.py": (("composition-*",), ("motif", "recipe"), ("samples/leaf.png",)),
     "style_figures.py": (("styles-*",), ("motif", "recipe"), ("core/toposeam/motif/recipe/styles.py",)),
     "make_pattern_figures.py": (("patterns-*", "paths-*"), ("motif", "recipe"), ()),
     "pattern_book.py": (

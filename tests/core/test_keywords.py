@@ -9,7 +9,7 @@ import pytest
 
 import toposeam as ts
 from toposeam.motif.generate import RecipeKeywords
-from toposeam.motif.ink.svg import SvgKeywords
+from toposeam.motif.ink import SvgKeywords
 from toposeam.path.gather import PathKeywords
 from toposeam.seam.keywords import SeamKeywords
 from toposeam.texture.placement import LayKeywords

@@ -16,11 +16,13 @@ import toposeam as ts
 from toposeam.colours import parse_colour
 from toposeam.motif.generate import MAX_MEGAPIXELS
 from toposeam.motif.ink.palettes import Palette
+from toposeam.motif.recipe.composition import pack_guide, pack_outline
 from toposeam_cli.app.command import Command, option
 from toposeam_cli.app.options import MEGAPIXELS, OUTPUT, PairType, force_option, quiet_option
 from toposeam_cli.app.progress import say, share_bar
 from toposeam_cli.files.writing import all_or_nothing, atomic_write, check_output, replacing
-from toposeam_cli.motifs.options import Beginning, Wanted, beginning_options, recipe_options
+from toposeam_cli.motifs.growing import check_growth, grown, write_growth
+from toposeam_cli.motifs.options import Beginning, Share, Wanted, beginning_options, recipe_options
 from toposeam_cli.motifs.print_options import (
     PrintOptions,
     check_print,
@@ -45,7 +47,7 @@ from toposeam_cli.motifs.recipe_files import (
     recipe_on_page,
     to_toml,
 )
-from toposeam_cli.motifs.themes import read_colours, read_theme
+from toposeam_cli.motifs.themes import read_colours, read_outline, read_places, read_theme
 
 if TYPE_CHECKING:
     from toposeam.motif import Motif, Recipe
@@ -63,8 +65,14 @@ _OF_RECIPE = (
     "base_law",
     "inking",
     "paper",
+    "outline",
+    "guide",
+    "knock_out",
+    "trap",
+    "one_piece",
+    "bridge",
 )
-_OF_LAYERS = ("mass", "penalty", "ambient", "avoid")
+_OF_LAYERS = ("mass", "penalty", "ambient", "avoid", "place", "scale")
 #: Extensions of the pages of ``--explore``.
 _PAGES = (".html", ".htm")
 
@@ -105,6 +113,12 @@ _PAGES = (".html", ".htm")
 )
 @print_options
 @option(
+    "--frame",
+    heading="Print",
+    is_flag=True,
+    help="With --one-piece or --stencil: a frame of a bridge's width, so that the whole sheet is one piece.",
+)
+@option(
     "--spot-names",
     heading="Print",
     help="What the inks are called in separations and layers: 'PANTONE 300 C,Black 6 C'.",
@@ -126,6 +140,18 @@ _PAGES = (".html", ".htm")
     "--colourways",
     heading="Output",
     help="Also write it in these palettes, from the same densities: spring,sea makes NAME-spring.png …",
+)
+@option(
+    "--animate",
+    heading="Output",
+    type=OUTPUT,
+    help="Also write its growth: .webp, .gif, .mp4, .webm, or an .svg that moves.",
+)
+@option(
+    "--frames",
+    heading="Output",
+    type=click.IntRange(2, 600),
+    help="Frames of --animate, 24 per second.  [default: 72; .svg: 36]",
 )
 @option("--palettes", heading="Output", is_flag=True, help="Print the named palettes.")
 @option("--styles", heading="Output", is_flag=True, help="Print the styles, and what they look like.")
@@ -157,6 +183,9 @@ def motif(
     explore: tuple[int, int] | None,
     depth: int | None,
     colourways: str | None,
+    animate: Path | None,
+    frames: int | None,
+    frame: bool,
     palettes: bool,
     styles: bool,
     show_recipe: bool,
@@ -174,6 +203,9 @@ def motif(
     toposeam motif -o relatives.html --like motif.png --explore 5x4
     toposeam motif -o seventh.png --from relatives.html --number 7
     toposeam motif -o vase.stl --depth 64 --repeat p4m --motif-width 80mm
+    toposeam motif -o heart.png --outline heart.svg --style seed,vein --place outside,inside --scale 3,1
+    toposeam motif -o cut.svg --stencil --bridge 1.5mm --motif-width 80mm --sheet 2x2 --frame
+    toposeam motif -o grown.png --animate growth.mp4 --sheet 3x3
     """  # noqa: D301 - click wants the character
     if palettes or styles:
         _list(palettes, styles)
@@ -193,31 +225,49 @@ def motif(
     if explore is not None:
         _explore(output, explore, wanted.given(), beginning, max_megapixels, force, quiet)
         return
-    recipe, sheet_was = _recipe(wanted.given(), beginning.amount, _begun(beginning))
+    recipe, sheet_was = _recipe(wanted.given(), beginning.amount, _begun(beginning), ink.width_mm)
     recipe = renamed(recipe, spot_names, edge)
-    paper = ink.over(sheet_was, counts=None if sheet is None else sheet[::-1], pixels=pixels)
+    paper = ink.over(
+        sheet_was, counts=None if sheet is None else sheet[::-1], pixels=pixels, frame=frame or None
+    )
     if show_recipe:
         say(to_toml(recipe), lines=True, nl=False)
     if output is None:
         return
-    drawn = output.suffix.lower() in DRAWINGS
-    paper.check(recipe, drawn)
-    if pixels is not None and (ink.width_mm is not None or drawn):
-        raise ts.OptionError(
-            "--pixels sets the size of a .png or .tif; leave it out with --motif-width and for .svg and .pdf"
-        )
+    _check_paper(output, recipe, paper, pixels, ink)
     others = _colourways(colourways, output, len(recipe.layers))
     for path in (output, *others):
         check_output(path, force, SUFFIXES)
         check_print(path, ink_names(recipe), ink, force)
+    check_growth(animate, frames, force)
     with share_bar(f"inventing {output.name}", quiet) as bar, _allowing_more():
-        made = ts.motif(recipe, max_megapixels=max_megapixels, progress=bar)
-    extent = _write(output, made, paper, ink, others, wanted.paper is not None, force)
+        made, animation = grown(recipe, animate, max_megapixels, bar)
+    with all_or_nothing():
+        extent = _write(output, made, paper, ink, others, wanted.paper is not None, force)
+        write_growth(animate, animation, paper, frames, force)
     if not quiet:
         unseen = unseen_inks(recipe)
         if unseen is not None:
             say(unseen, err=True)
         say(f"{output}: {extent}, {describe(made, paper.counts)}", err=show_recipe)
+
+
+def _check_paper(
+    output: Path,
+    recipe: Recipe,
+    paper: Print,
+    pixels: tuple[int, int] | None,
+    ink: PrintOptions,
+) -> None:
+    """Refuse a print that cannot be made, before any work."""
+    drawn = output.suffix.lower() in DRAWINGS
+    paper.check(recipe, drawn)
+    if paper.frame and not recipe.one_piece:
+        raise ts.OptionError("--frame holds a cut-out or a stencil together; add --one-piece or --stencil")
+    if pixels is not None and (ink.width_mm is not None or drawn):
+        raise ts.OptionError(
+            "--pixels sets the size of a .png or .tif; leave it out with --motif-width and for .svg and .pdf"
+        )
 
 
 @contextmanager
@@ -373,14 +423,25 @@ def _recipe(
     given: dict[str, Any],
     amount: float | None,
     begun: tuple[Recipe | None, dict[str, Any], dict[str, Any]],
+    width_mm: float | None = None,
 ) -> tuple[Recipe, dict[str, Any]]:
     """Return the varied recipe of the options and its base, and the print settings of that base."""
     whole, printed, options = begun
     given = {**options, **given}
     if isinstance(given.get("palette"), str):
         given["palette"] = read_colours(given["palette"])
-    if isinstance(given.get("base"), Path):
-        given["base"] = read_theme(given["base"])
+    for name in ("base", "guide"):
+        if isinstance(given.get(name), Path):
+            given[name] = read_theme(given[name])
+    if isinstance(given.get("outline"), str):
+        given["outline"] = read_outline(given["outline"])
+    columns, rows = given.get("size") or ((256, 256) if whole is None else whole.size[::-1])
+    for name in ("sources", "sinks"):
+        if isinstance(given.get(name), str):
+            given[name] = read_places(given[name], (rows, columns))
+    for name in ("trap", "bridge"):
+        if isinstance(given.get(name), Share):
+            given[name] = given[name].hundredths(width_mm or printed.get("width_mm"), (rows, columns))
     if whole is not None:
         return _changed(whole, given, amount), printed
     if amount is not None:
@@ -420,8 +481,13 @@ def _checked(table: Mapping[str, Any], config: Path) -> dict[str, Any]:
             raise ts.OptionError(
                 f"'{config}' has {key} = {value!r}: {getattr(error, 'message', error)}"
             ) from error
-    if "base" in options:
-        options["base"] = config.parent / options["base"]
+    for name in {"base", "guide"} & set(options):
+        options[name] = config.parent / options[name]
+    if isinstance(options.get("outline"), str) and options["outline"] not in ts.motif.OUTLINES:
+        options["outline"] = str(config.parent / options["outline"])
+    for name in {"sources", "sinks"} & set(options):
+        if isinstance(options[name], str):
+            options[name] = str(config.parent / options[name])
     if "palette" in options:
         options["palette"] = read_colours(str(options["palette"]), config.parent)
     return options
@@ -441,7 +507,7 @@ _NOT_IN_FILES = {
         "force",
         "quiet",
     ),
-    *("explore", "depth", "source", "number", "colourways"),
+    *("explore", "depth", "source", "number", "colourways", "animate", "frames", "frame"),
     *("width_mm", "dpi", "levels", "transparent", "separations", "spot_names"),
 }
 
@@ -453,11 +519,39 @@ def _with_strengths(places: list[Any]) -> list[Any]:
     return [_with_strengths(place) if isinstance(place, list) else place for place in places]
 
 
+def _with_layers(recipe: Recipe, values: dict[str, Any]) -> Recipe:
+    """Return a recipe with some values of all its layers changed."""
+    return dataclasses.replace(
+        recipe, layers=tuple(dataclasses.replace(layer, **values) for layer in recipe.layers)
+    )
+
+
+def _composed(recipe: Recipe, given: dict[str, Any]) -> Recipe:
+    """Return a recipe with the places of a composition; its pictures are packed in `given`, in place."""
+    for name in {"sources", "sinks"} & set(given):
+        if not isinstance(given[name], np.ndarray):
+            continue
+        places: Any = tuple(map(tuple, given.pop(name).tolist()))
+        recipe = _with_layers(recipe, {name: places})
+    if "outline" in given:
+        given["outline"] = pack_outline(given["outline"], given.get("size", recipe.size[::-1])[::-1])
+        given.setdefault("place", "inside")
+    if "guide" in given:
+        given["guide"] = pack_guide(given["guide"], given.get("size", recipe.size[::-1])[::-1])
+    if given.get("one_piece"):
+        recipe = _with_layers(recipe, {"edge": "crisp"})
+    return recipe
+
+
 def _changed(recipe: Recipe, given: dict[str, Any], amount: float | None) -> Recipe:
     """Return a whole recipe with the given options changed, then varied."""
     seed = given.pop("seed", None)
     palette, style = given.pop("palette", None), given.pop("style", None)
-    wrong = [name for name in given if name not in (*_OF_RECIPE, *_OF_LAYERS)]
+    wrong = [
+        name
+        for name, value in given.items()
+        if name not in (*_OF_RECIPE, *_OF_LAYERS) and not isinstance(value, np.ndarray)
+    ]
     if wrong:
         raise ts.OptionError(
             f"--{wrong[0]} cannot change a motif that is there; leave it out, or write a recipe with "
@@ -471,6 +565,7 @@ def _changed(recipe: Recipe, given: dict[str, Any], amount: float | None) -> Rec
         )
     if style is not None:
         recipe = ts.motif.restyle(recipe, style)
+    recipe = _composed(recipe, given)
     layers = [dataclasses.asdict(layer) for layer in recipe.layers]
     for name in {"iterations", "filter_radius"} & set(given):  # of all layers
         layers = [{**layer, name: None} for layer in layers]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,8 +12,9 @@ from typing import Any
 import click
 from click.shell_completion import CompletionItem
 
+import toposeam as ts
 from toposeam.motif.ink.mixing import INKINGS
-from toposeam.motif.recipe.recipe import LAWS
+from toposeam.motif.recipe.recipe import LAWS, PLACES
 from toposeam.motif.recipe.styles import STYLES
 from toposeam_cli.app.command import option
 from toposeam_cli.app.options import FILE, FiniteRange, NumbersType, PairType, grouped
@@ -45,10 +47,26 @@ class Wanted:
     ambient: float | None
     filter_radius: float | None
     avoid: float | None
+    outline: str | None
+    place: Any
+    scale: Any
+    guide: Path | None
+    knock_out: bool
+    trap: Share | None
+    one_piece: bool
+    stencil: bool
+    bridge: Share | None
 
     def given(self) -> dict[str, Any]:
         """Return the requested properties."""
         asked = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        if self.one_piece and self.stencil:
+            raise ts.OptionError(
+                "--one-piece is what is inked, --stencil what is left of the sheet; leave one of them out"
+            )
+        del asked["stencil"]
+        asked["one_piece"] = "ink" if self.one_piece else "paper" if self.stencil else None
+        asked["knock_out"] = self.knock_out or None
         return {name: value for name, value in asked.items() if value is not None}
 
 
@@ -61,6 +79,76 @@ class Beginning:
     source: Path | None
     number: int | None
     amount: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Share:
+    """A length: in hundredths of the cell's shorter side, or in mm on paper."""
+
+    value: float
+    mm: bool
+
+    def hundredths(self, width_mm: float | None, size: tuple[int, int]) -> float:
+        """Return it in hundredths of the shorter side of a cell of (rows, columns) that is so wide on paper.
+
+        Raises
+        ------
+        OptionError
+            For a length in mm on paper of unknown width.
+        """
+        if not self.mm:
+            return self.value
+        if width_mm is None:
+            raise ts.OptionError(
+                f"{self.value:g} mm is a length on paper; add --motif-width, or give a "
+                "share of the motif, like 2%"
+            )
+        return self.value / (width_mm * min(size) / size[1]) * 100
+
+
+class ShareType(click.ParamType[Any]):
+    """A share of the cell, like 2%, or a length on paper, like 1.5mm."""
+
+    name = "LENGTH"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Parse the text, or a number from a file, which is in hundredths."""
+        if isinstance(value, Share):
+            return value
+        match = re.fullmatch(r"\s*(-?\d{1,4}(?:\.\d+)?)\s*(%|mm|cm|in|)\s*", str(value))
+        if match is None:
+            self.fail(f"{value!r} is no length; write it like 2%, of the motif, or 1.5mm", param, ctx)
+        number, unit = float(match[1]), match[2]
+        return Share(number * {"cm": 10.0, "in": 25.4}.get(unit, 1.0), unit not in ("%", ""))
+
+
+class PlacesType(NumbersType):
+    """A number of places, or one per layer, or the name of a file that shows them."""
+
+    def __init__(self) -> None:
+        super().__init__(int)
+        self.name = "N|FILE"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Parse the text; names of files stay texts."""
+        if isinstance(value, str) and Path(value).suffix[1:2].isalpha():
+            return value
+        return super().convert(value, param, ctx)
+
+
+class PlaceType(click.ParamType[Any]):
+    """Where layers lie: one word, or one for each layer."""
+
+    name = "PLACE"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Parse the text, or a list from a file."""
+        words = value if isinstance(value, list | tuple) else str(value).split(",")
+        names = [str(word).strip() for word in words]
+        for name in names:
+            if name not in PLACES:
+                self.fail(f"{name!r} is no place; use one of {', '.join(PLACES)}", param, ctx)
+        return names[0] if len(names) == 1 else tuple(names)
 
 
 class StyleType(click.ParamType[Any]):
@@ -176,14 +264,14 @@ _RECIPE: tuple[Callable[[Any], Any], ...] = (
     option(
         "--sources",
         heading="Heat and ink",
-        type=NumbersType(int),
-        help="Number of heat sources, or one number per layer.",
+        type=PlacesType(),
+        help="Number of heat sources, one per layer, or an .svg or picture of points and lines.",
     ),
     option(
         "--sinks",
         heading="Heat and ink",
-        type=NumbersType(int),
-        help="Number of heat sinks, or one number per layer.",
+        type=PlacesType(),
+        help="Number of heat sinks, one per layer, or an .svg or picture of points and lines.",
     ),
     option(
         "--distance",
@@ -209,6 +297,56 @@ _RECIPE: tuple[Callable[[Any], Any], ...] = (
         heading="Heat and ink",
         type=FiniteRange(0, 1),
         help="How far each ink keeps out of those before it, 0 to 1.  [default: the style's]",
+    ),
+    option(
+        "--outline",
+        heading="Composition",
+        help="A shape: a picture or .svg, dark or opaque inside; or disc, band (a hem) or frame.",
+    ),
+    option(
+        "--place",
+        heading="Composition",
+        type=PlaceType(),
+        help="Where inks lie: inside, outside, or everywhere; one, or one per layer.  [default: inside]",
+    ),
+    option(
+        "--scale",
+        heading="Composition",
+        type=NumbersType(int),
+        help="Copies of an ink's strokes along each side of the motif; 3,1: a fine ground and a figure.",
+    ),
+    option(
+        "--guide", heading="Composition", type=FILE, help="Lines that strokes follow: an .svg or a picture."
+    ),
+    option(
+        "--knock-out",
+        heading="Composition",
+        is_flag=True,
+        help="Leave inks out where a later one has strokes.",
+    ),
+    option(
+        "--trap",
+        heading="Composition",
+        type=ShareType(),
+        help="With --knock-out: how far inks reach below a later one, 0.5% or 0.3mm; below 0 a gap.",
+    ),
+    option(
+        "--one-piece",
+        heading="Composition",
+        is_flag=True,
+        help="Connect the strokes of each ink to one piece, to be cut out.",
+    ),
+    option(
+        "--stencil",
+        heading="Composition",
+        is_flag=True,
+        help="Connect what each ink leaves of the sheet to one piece.",
+    ),
+    option(
+        "--bridge",
+        heading="Composition",
+        type=ShareType(),
+        help="Least width of that piece: 2% of the motif, or 1.5mm.  [default: 2%]",
     ),
 )
 _BEGINNING: tuple[Callable[[Any], Any], ...] = (

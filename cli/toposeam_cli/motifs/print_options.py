@@ -15,6 +15,8 @@ import toposeam as ts
 from toposeam.motif.ink.mixing import mix
 from toposeam.motif.ink.pdf import draw_pdf
 from toposeam.motif.ink.printing import Inked
+from toposeam.motif.ink.svg import SvgOptions
+from toposeam.motif.motif import Motif
 from toposeam.motif.symmetry.kaleidoscope import GROUPS
 from toposeam.motif.symmetry.tiling import shift_of
 from toposeam_cli.app.command import option
@@ -167,9 +169,7 @@ def write_print(
     """
     settings = {**paper.note(), **(note or {}), **made.record}
     if output.suffix.lower() in DRAWINGS:
-        options = ts.motif.SvgOptions(
-            levels=paper.levels, width_mm=paper.width_mm, transparent=paper.transparent
-        )
+        options = drawing_options(made, paper)
         if output.suffix.lower() == ".pdf":
             page = draw_pdf(made, paper.counts, options=options, metadata=to_xmp(settings))
             atomic_write(output, page, force)
@@ -189,6 +189,14 @@ def write_print(
                 plate = separation(layer, paper.resolution, {**settings, "separation": name})
                 write_picture(plate_path(output, number, name), plate, force)
     return f"{image.shape[1]} × {image.shape[0]} px"
+
+
+def drawing_options(made: Inked, paper: Print) -> SvgOptions:
+    """Return the options with which a print is drawn."""
+    frame = made.frame if paper.frame and isinstance(made, Motif) else 0.0
+    return SvgOptions(
+        levels=paper.levels, width_mm=paper.width_mm, transparent=paper.transparent, frame=frame
+    )
 
 
 def renamed(recipe: Recipe, names: str | None, edges: str | None) -> Recipe:

@@ -51,6 +51,8 @@ class Print:
     levels: int = 12
     #: Whether the paper is transparent.
     transparent: bool = False
+    #: Whether a frame keeps the sheet in one piece.
+    frame: bool = False
 
     @property
     def resolution(self) -> float | None:
@@ -110,15 +112,16 @@ class Print:
             value = found.get(name)
             if isinstance(value, int | float) and 0 < value < 10**5:
                 kept[name] = value
-        if found.get("transparent") is True:
-            kept["transparent"] = True
+        for name in ("transparent", "frame"):
+            if found.get(name) is True:
+                kept[name] = True
         return kept
 
 
 def sheet_coverage(made: Motif, paper: Print) -> np.ndarray:
     """Return the share of each ink on a sheet of a motif, (n_L, H, W)."""
     counts, cell = paper.laid(made.recipe)
-    layers = ts.motif.repeat_densities(made, counts, size=cell)
+    layers = ts.motif.repeat_densities(made, counts, size=cell, frame=made.frame if paper.frame else 0.0)
     return layers if paper.pixels is None else layers[:, : paper.pixels[1], : paper.pixels[0]]
 
 

@@ -1,3 +1,4 @@
+from .animation import Animation, animate
 from .arrangement import Arrangement, arrange, random_arrangement
 from .generate import random_recipe
 from .ink.palettes import PALETTES, Palette, palette
@@ -7,19 +8,22 @@ from .join import JoinedMotifs, border_mismatch, join_motifs
 from .motif import Motif, repeat_densities
 from .optimise.growth import Growth, grow
 from .optimise.layer import Step
+from .recipe.composition import OUTLINES, places_in_drawing, places_in_picture
 from .recipe.recipe import LayerRecipe, Recipe
 from .recipe.simplify import simplify
 from .recipe.styles import STYLES, Style
-from .symmetry.borders import border_visibility
+from .symmetry.borders import border_edges, border_visibility
 from .symmetry.kaleidoscope import kaleidoscope
 from .symmetry.rules import REPEATS
 from .variation import restyle, vary
 
 __all__ = [
     "EDGES",
+    "OUTLINES",
     "PALETTES",
     "REPEATS",
     "STYLES",
+    "Animation",
     "Arrangement",
     "Growth",
     "JoinedMotifs",
@@ -30,7 +34,9 @@ __all__ = [
     "Step",
     "Style",
     "SvgOptions",
+    "animate",
     "arrange",
+    "border_edges",
     "border_mismatch",
     "border_visibility",
     "draw_svg",
@@ -38,6 +44,8 @@ __all__ = [
     "join_motifs",
     "kaleidoscope",
     "palette",
+    "places_in_drawing",
+    "places_in_picture",
     "random_arrangement",
     "random_recipe",
     "repeat_densities",

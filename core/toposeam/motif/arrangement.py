@@ -17,6 +17,7 @@ from toposeam.motif.ink.printing import MAX_PATTERN, Inked, checked_size
 from toposeam.motif.ink.sampling import resample
 from toposeam.motif.ink.stroke_edges import EDGES, fineness, print_layer, stroke_ends
 from toposeam.motif.motif import Motif
+from toposeam.motif.symmetry.tiling import copy_at
 
 #: Standard deviation, as a share of the cell's side, of the blur that mixes prints with unlike stroke edges.
 _EDGE_BLUR = 0.03
@@ -47,7 +48,8 @@ class Arrangement(Inked):
     grid: npt.NDArray[np.intp]
     #: The motifs, by index.
     motifs: tuple[Motif, ...]
-    #: The arrangement as a whole repeats by translation.
+    #: The arrangement as a whole repeats by translation; not ("none") if every second of its motifs is turned
+    #: and their rows or columns are of an odd number.
     repeat: str = "translate"
 
     @property
@@ -144,6 +146,8 @@ def arrange(
 ) -> Arrangement:
     """Return a pattern of different motifs in free arrangement (Figure 4.9).
 
+    Motifs that repeat by "rotate" are turned by 180° at every second place.
+
     Parameters
     ----------
     motifs : sequence of Motif
@@ -221,8 +225,19 @@ def arrange(
             kind="too large",
             count=grid.size,
         )
+    turning = first.repeat == "rotate"
     layers = np.concatenate(
-        [np.concatenate([motifs[index].densities for index in row], axis=2) for row in grid], axis=1
+        [
+            np.concatenate(
+                [
+                    copy_at(motifs[index].densities, "rotate" if turning else "translate", y, x)
+                    for x, index in enumerate(row)
+                ],
+                axis=2,
+            )
+            for y, row in enumerate(grid)
+        ],
+        axis=1,
     )
     return Arrangement(
         densities=layers,
@@ -230,6 +245,7 @@ def arrange(
         paper=first.paper,
         grid=grid.astype(np.intp),
         motifs=tuple(motifs),
+        repeat="none" if turning and any(side % 2 for side in grid.shape) else "translate",
     )
 
 

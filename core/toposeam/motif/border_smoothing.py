@@ -43,6 +43,8 @@ _MAX_TONE_VISIBILITY, _TRIAL_PATTERNS = 0.85, 64
 _MAX_LOG_TONE = 0.25
 #: Depth at which factors on tones have faded out, in units of `compared_distance`.
 _TONE_DEPTH = 4
+#: Half the width of the changed band in wash that joins, in units of `compared_distance`.
+_WASH_WIDTH = 4.0
 #: Half the width of the changed band in each round, in units of `compared_distance`: narrow first, then wide.
 _BAND_WIDTHS = (1.0, 1.0, *(3.0,) * 8)
 
@@ -61,7 +63,7 @@ def smooth_borders(
         Makes the motif of densities.
     """
     motif = make(list(densities))
-    if recipe.repeat == "none" or recipe.layers[0].style == "thesis":
+    if recipe.repeat == "none" or recipe.layers[0].style == "thesis" or recipe.outline:
         return motif
     prints = [_laid(motif, index) for index in range(len(densities))]
     best, planes = motif, _visibilities(motif, prints)
@@ -110,7 +112,7 @@ def _evened_border(
     density: Floats32, axis: int, mass: float, edge: str, repeat: str, width: float
 ) -> Floats32:
     """Move a density half way towards one whose print is equal along a border and beside it."""
-    bump, before = _border_weight(density.shape, axis, repeat, width), density.astype(np.float64)
+    bump, before = border_weight(density.shape, axis, repeat, width), density.astype(np.float64)
     (balanced,) = _balance([before], bump, axis, [partial(_print, edge=edge, repeat=repeat)], repeat)
     changed = np.sqrt(balanced * before)
     scaled: Floats32 = np.clip(changed * (mass / changed.mean()), MIN_DENSITY, 1.0).astype(np.float32)
@@ -143,7 +145,7 @@ def _print(density: Floats, edge: str, repeat: str, at: float | None = None) -> 
     return inside if edge == "crisp" else inside * field
 
 
-def _border_weight(shape: tuple[int, ...], axis: int, repeat: str, width: float = 1.0) -> Floats:
+def border_weight(shape: tuple[int, ...], axis: int, repeat: str, width: float = 1.0) -> Floats:
     """Return a weight that is 1 in the mean on the border and falls to 0 at the rows it is compared with.
 
     The weight is averaged over the rule's orbits.
@@ -187,7 +189,7 @@ def smooth_row_borders(
     row = list(fields)
     for axis in (0, 1) * _PASSES:
         prints = _prints(row, edges, repeat, given)
-        on, beside = _border_weight(row[0].shape, axis, repeat), _beside_weight(row[0].shape, axis, shared)
+        on, beside = border_weight(row[0].shape, axis, repeat), _beside_weight(row[0].shape, axis, shared)
         each = list(zip(row, prints, strict=True))
         if shared:
             row = _balance(row, on, axis, prints, repeat)
@@ -195,11 +197,30 @@ def smooth_row_borders(
             row = [_balance([one], -beside, axis, [own], repeat)[0] for one, own in each]
             continue
         row = [_balance([one], on, axis, [own], repeat)[0] for one, own in each]
-        tones = _Tones(axis, prints)
+        tones = _Tones(axis, prints, repeat)
         if tones.visibility(row, given) > _MAX_TONE_VISIBILITY:
             row = tones.even_out(row, given)
             each = list(zip(row, prints, strict=True))
             row = [_balance([one], on, axis, [own], repeat)[0] for one, own in each]
+    return row
+
+
+def smooth_wash_borders(fields: Sequence[Floats], repeat: str) -> list[Floats]:
+    """Smooth the borders of one layer of wash that has faded into one mean in all motifs.
+
+    All have the same factor, over a wide band, so that it makes no line of its own.
+    """
+    row = list(fields)
+    for axis in (0, 1):
+        wide = border_weight(row[0].shape, axis, repeat, _WASH_WIDTH)
+        prints = [partial(_print, edge="soft", repeat=repeat)] * len(row)
+        evened = _balance(row, wide, axis, prints, repeat, _MAX_LOG_TONE)
+        # The rows beside the border change with it, so that the factor may not help.
+        before, after = (
+            abs(sum(_excess(one, axis, own, repeat) for one, own in zip(tried, prints, strict=True)))
+            for tried in (row, evened)
+        )
+        row = evened if after < before else row
     return row
 
 
@@ -217,8 +238,8 @@ def _prints(row: list[Floats], edges: Sequence[str], repeat: str, given: Sequenc
 class _Tones:
     """Darkness of printed motifs towards the borders across an axis."""
 
-    def __init__(self, axis: int, prints: Sequence[Print]) -> None:
-        self._axis, self._prints = axis, prints
+    def __init__(self, axis: int, prints: Sequence[Print], repeat: str) -> None:
+        self._axis, self._prints, self._turning = axis, prints, repeat == "rotate"
 
     def of(self, density: Floats, index: int) -> Floats:
         """Return the mean of every row, or column, of a motif."""
@@ -231,7 +252,11 @@ class _Tones:
         rng = np.random.default_rng(0)
         grids = rng.integers(len(given), size=(_TRIAL_PATTERNS, 4, 4))
         side = tones.shape[1]
-        return max(line_visibility(tones[grid].mean(axis=1).reshape(-1, 1), side) for grid in grids)
+        turned = np.zeros((4, 4, 1), bool)
+        if self._turning:  # every second motif
+            turned = np.add.outer(np.arange(4), np.arange(4))[..., np.newaxis] % 2 == 1
+        laid = (np.where(turned, tones[grid][..., ::-1], tones[grid]) for grid in grids)
+        return max(line_visibility(each.mean(axis=1).reshape(-1, 1), side) for each in laid)
 
     def even_out(self, row: list[Floats], given: Sequence[int]) -> list[Floats]:
         """Move the tones of all motifs at their borders towards the mean tone of the given ones.
@@ -261,7 +286,12 @@ class _Tones:
 
 
 def _balance(
-    row: list[Floats], bump: Floats, axis: int, prints: Sequence[Print], repeat: str
+    row: list[Floats],
+    bump: Floats,
+    axis: int,
+    prints: Sequence[Print],
+    repeat: str,
+    largest: float = _MAX_LOG_FACTOR,
 ) -> list[Floats]:
     """Return densities times e to a common multiple of a weight, so that the mean print of all is equal along
     the borders and beside them.
@@ -269,7 +299,7 @@ def _balance(
     return _scale_until_even(
         row,
         bump,
-        _MAX_LOG_FACTOR,
+        largest,
         lambda changed: sum(
             _excess(one, axis, own, repeat) for one, own in zip(changed, prints, strict=True)
         ),

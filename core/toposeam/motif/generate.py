@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any, TypedDict, Unpack
 
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.arrays import Floats
+from toposeam.arrays import Floats, Mask
 from toposeam.checks import (
     Seed,
     check_choice,
@@ -27,19 +28,32 @@ from toposeam.colours import parse_colour
 from toposeam.errors import OptionError, Term
 from toposeam.heat.threads import one_thread
 from toposeam.motif.border_smoothing import smooth_borders
+from toposeam.motif.finishing import finish, spread_copies
 from toposeam.motif.ink.palettes import PALETTES, Palette, palette
 from toposeam.motif.ink.stroke_repair import repair_strokes
 from toposeam.motif.motif import Motif
 from toposeam.motif.optimise.conduction import nominal_conductivity
 from toposeam.motif.optimise.hexagonal_lattice import tile_size, to_tile
-from toposeam.motif.optimise.layer import Step, optimise_layer
-from toposeam.motif.optimise.spots import Points, lay_spots, place_around, spots
-from toposeam.motif.recipe.recipe import LAWS, MAX_SIDE, MIN_SIDE, LayerRecipe, Recipe, pack_base, unpack_base
-from toposeam.motif.recipe.styles import STYLES, draw_rule, styles_of
+from toposeam.motif.optimise.layer import Step, on_outline, optimise_layer, outline_on_cell
+from toposeam.motif.optimise.spots import Points, inside_only, lay_spots, place_around, spots
+from toposeam.motif.recipe.composition import pack_guide, pack_outline
+from toposeam.motif.recipe.recipe import (
+    LAWS,
+    MAX_SIDE,
+    MIN_SIDE,
+    PLACES,
+    LayerRecipe,
+    Recipe,
+    pack_base,
+    unpack_base,
+)
+from toposeam.motif.recipe.styles import STYLES, Style, draw_rule, styles_of
 from toposeam.motif.symmetry.rules import HEXAGONAL, check_repeat
 
 #: Least penalty exponent of a layer that is drawn in strokes; below, it is ink wash.
 _MIN_STROKE_PENALTY = 1.75
+#: Least penalty exponent that is drawn where strokes are to be cut out.
+_MIN_CUT_PENALTY = 3.0
 
 
 class RecipeKeywords(TypedDict, total=False):
@@ -68,6 +82,14 @@ class RecipeKeywords(TypedDict, total=False):
     palette: str | Palette | npt.ArrayLike | None
     paper: str | None
     inking: str
+    outline: str | npt.ArrayLike | None
+    place: str | Sequence[str] | None
+    scale: int | Sequence[int]
+    guide: npt.ArrayLike | None
+    knock_out: bool
+    trap: float
+    one_piece: str
+    bridge: float
 
 
 #: Most layers of a motif.
@@ -81,6 +103,7 @@ def motif(
     *,
     max_megapixels: float = MAX_MEGAPIXELS,
     progress: Callable[[float], None] | None = None,
+    watch: Callable[[int, Floats], None] | None = None,
     **options: Unpack[RecipeKeywords],
 ) -> Motif:
     """Generate a motif by heat conduction.
@@ -94,6 +117,9 @@ def motif(
         recipe may ask for days and many gigabytes.
     progress : callable, optional
         Called with the share done, in [0, 1].
+    watch : callable, optional
+        Called after each iteration with the index of its layer, and the layer's density on the plate of that
+        iteration, which may be coarser than the cell.
     **options
         Options of :func:`random_recipe`; only with a size.
 
@@ -119,6 +145,7 @@ def motif(
     (32, 32, 3)
     """
     check_function("progress", progress)
+    check_function("watch", watch)
     if isinstance(source, Recipe):
         if options:
             raise OptionError(
@@ -141,23 +168,33 @@ def motif(
             )
         recipe = random_recipe(source, **options)
     check_work(recipe, max_megapixels)
-    alone = [recipe.of_layer(index) for index in range(len(recipe.layers))]
+    alone = [on_outline(recipe.of_layer(index)) for index in range(len(recipe.layers))]
     total = sum(each.iterations for each in alone)
     densities: list[npt.NDArray[np.float32]] = []
     history: list[tuple[Step, ...]] = []
-    for own in alone:
+    for index, own in enumerate(alone):
 
-        def report(done: int, _density: Floats, before: int = sum(map(len, history))) -> None:
+        def report(
+            done: int, density: Floats, before: int = sum(map(len, history)), layer: int = index
+        ) -> None:
+            if watch is not None:
+                watch(layer, density)
             if progress is not None:
                 progress((before + done) / total)
 
-        taken = np.stack(densities).sum(axis=0).astype(np.float64) if densities else None
+        alike = densities and own.size == recipe.size
+        taken = np.stack(densities).sum(axis=0).astype(np.float64) if alike else None
         with one_thread():
             density, steps = optimise_layer(own, taken, report)
         mass = own.layers[0].mass
-        densities.append(repair_strokes(density, recipe.repeat, mass) if own.filter_radius else density)
+        density = repair_strokes(density, own.repeat, mass) if own.filter_radius else density
+        densities.append(spread_copies(density, recipe, index))
         history.append(steps)
-    return smooth_borders(densities, recipe, lambda layers: make_motif(recipe, layers, history))
+
+    def make(layers: list[npt.NDArray[np.float32]]) -> Motif:
+        return make_motif(recipe, layers, history)
+
+    return finish(smooth_borders(densities, recipe, make), make)
 
 
 def check_work(recipe: Recipe, max_megapixels: float, depth: int = 1) -> None:
@@ -238,6 +275,14 @@ def random_recipe(
     palette: str | Palette | npt.ArrayLike | None = None,
     paper: str | None = None,
     inking: str = "transparent",
+    outline: str | npt.ArrayLike | None = None,
+    place: str | Sequence[str] | None = None,
+    scale: int | Sequence[int] = 1,
+    guide: npt.ArrayLike | None = None,
+    knock_out: bool = False,
+    trap: float = 0.0,
+    one_piece: str = "",
+    bridge: float = 2.0,
 ) -> Recipe:
     """Return a recipe; every parameter that is not given is drawn at random.
 
@@ -280,6 +325,17 @@ def random_recipe(
         Colour of the paper, ``#rrggbb``; by default the palette's.
     inking : str
         One of `INKINGS`; opaque inks are seen on dark paper.
+    outline : str or picture
+        A shape inside or outside of which layers lie: one of `OUTLINES`, or a picture, where what is opaque,
+        or else dark, is inside. `mass` is then the inked share of their part of the cell.
+    place : str or one per layer
+        One of `PLACES`; by default "inside" if there is an outline.
+    scale : int or one per layer
+        Number of copies of the layer along each side of the cell, such as 3 for a fine ground.
+    guide : picture
+        Lines, dark or opaque, along which strokes run. Random sinks lie on them.
+    knock_out, trap, one_piece, bridge
+        See :class:`Recipe`.
 
     Raises
     ------
@@ -298,7 +354,7 @@ def random_recipe(
         layers = check_whole("layers", layers, 1, _MOST_LAYERS)
     seed = seed_of(seed)
     free = sources is None and sinks is None
-    styles = styles_of(style, seed, layers, free and base is None)
+    styles = styles_of(style, seed, layers, free and base is None and outline is None)
     layers = len(styles)
     repeat = draw_rule(styles, seed, shape) if repeat is None else repeat
     check_repeat(repeat, shape)
@@ -318,6 +374,7 @@ def random_recipe(
         base_law = "brightness" if styles[0] == "thesis" else "contrast"
     check_choice("base_law", base_law, LAWS)
     packed = "" if base is None else pack_base(base)
+    composed = _Composition.of(outline, place, scale, guide, layers, repeat, shape)
     shown = (
         _base_conductivity(packed, base_strength, base_law) if packed and repeat not in HEXAGONAL else None
     )
@@ -328,9 +385,10 @@ def random_recipe(
         many, few = int(draw.integers(*like.sources)), int(draw.integers(*like.sinks))
         drawn_mass, (low_ambient, high_ambient) = float(draw.uniform(*like.mass)), like.ambient
         drawn_ambient = high_ambient - (high_ambient - low_ambient) * float(draw.random()) ** 2
-        drawn_penalty = float(draw.uniform(1.0, 1.3)) if draw.random() < like.wash else like.penalty
+        drawn_penalty = _drawn_penalty(like, draw, one_piece)
         aspect = shape[1] / shape[0]
         laid = lay_spots(like.lay, draw, seed, (low, high), aspect) if free else None
+        inside = composed.inside(index)
         given = spots(
             _layer_points(sources, index, layers, "sources"),
             draw,
@@ -340,6 +398,7 @@ def random_recipe(
             "sources",
             repeat,
             shown,
+            inside,
         )
         drains = spots(
             _layer_points(sinks, index, layers, "sinks"),
@@ -350,12 +409,13 @@ def random_recipe(
             "sinks",
             repeat,
             shown,
+            composed.along(inside),
         )
         if distance is not None:
             check_range(0, 1, above=True, distance=distance)  # of the cell's shorter side
             drains = place_around(given, drains, distance, draw, shape)
         if laid is not None:
-            given, drains = laid
+            given, drains = (inside_only(points, inside) for points in laid)
         exponent = _number(penalty, index, layers, drawn_penalty, "penalty")
         recipes.append(
             LayerRecipe(
@@ -365,11 +425,13 @@ def random_recipe(
                 ambient=drawn_ambient if ambient is None else ambient,
                 mass=_number(mass, index, layers, drawn_mass, "mass"),
                 penalty=exponent,
-                edge=_edge(edge, index, layers, exponent, styles[index]),
+                edge=_edge(edge, index, layers, exponent, styles[index], one_piece),
                 style=styles[index],
                 avoid=like.avoid if avoid is None else avoid,
                 iterations=_own(like.iterations, STYLES[styles[0]].iterations, iterations),
                 filter_radius=_own(like.filter_radius, STYLES[styles[0]].filter_radius, filter_radius),
+                place=composed.places[index],
+                scale=composed.copies[index],
             )
         )
     first = STYLES[styles[0]]
@@ -387,7 +449,98 @@ def random_recipe(
         base_strength=base_strength if packed else 0.0,
         base_law=base_law,
         inking=inking,
+        outline=composed.outline,
+        guide=composed.guide,
+        knock_out=knock_out,
+        trap=trap,
+        one_piece=one_piece,
+        bridge=bridge,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _Composition:
+    """Where the layers of a motif lie."""
+
+    #: The packed outline and guide; empty for none.
+    outline: str
+    guide: str
+    #: The place and the number of copies of each layer.
+    places: list[str]
+    copies: list[int]
+    repeat: str
+    shape: tuple[int, int]
+
+    @classmethod
+    def of(
+        cls,
+        outline: str | npt.ArrayLike | None,
+        place: str | Sequence[str] | None,
+        scale: int | Sequence[int],
+        guide: npt.ArrayLike | None,
+        layers: int,
+        repeat: str,
+        shape: tuple[int, int],
+    ) -> _Composition:
+        """Return the composition of the options of :func:`random_recipe`."""
+        places = PLACES[int(outline is not None)] if place is None else place
+        return cls(
+            "" if outline is None else pack_outline(outline, shape),
+            "" if guide is None else pack_guide(guide, shape),
+            _words(places, layers, "place"),
+            _counts(scale, layers),
+            repeat,
+            shape,
+        )
+
+    def inside(self, layer: int) -> Mask | None:
+        """Return where the random places of a layer may lie; None for anywhere."""
+        if not self.outline or self.places[layer] == "everywhere" or self.copies[layer] > 1:
+            return None
+        return outline_on_cell(self.outline, self.places[layer], self.repeat, self.shape)
+
+    def along(self, inside: Mask | None) -> Mask | None:
+        """Return where the random sinks of a layer may lie: on the guide, if there is one."""
+        return outline_on_cell(self.guide, "inside", self.repeat, self.shape) if self.guide else inside
+
+
+def _drawn_penalty(like: Style, draw: np.random.Generator, one_piece: str) -> float:
+    """Draw the penalty exponent of a style; wash has no edge to cut along."""
+    drawn = float(draw.uniform(1.0, 1.3)) if draw.random() < like.wash else like.penalty
+    return max(drawn, _MIN_CUT_PENALTY) if one_piece else drawn
+
+
+def _words(value: str | Sequence[str], layers: int, name: str) -> list[str]:
+    values = (
+        [value] * layers
+        if isinstance(value, str)
+        else check_items(name, value, str, "a text, or one per layer")
+    )
+    _check_count(values, layers, name)
+    return list(values)
+
+
+def _counts(value: int | Sequence[int], layers: int) -> list[int]:
+    single = isinstance(value, int | np.integer)
+    values = (
+        [value] * layers
+        if single
+        else check_items("scale", value, object, "a whole number, or one per layer")
+    )
+    _check_count(values, layers, "scale")
+    return [check_whole("scale", each, 1, 32) for each in values]
+
+
+def _check_count(values: Sequence[Any], layers: int, name: str) -> None:
+    if len(values) != layers:
+        raise OptionError(
+            "{parameter} is given for {count} layers, the motif has {wanted}; give one, or one for each",
+            kind="count",
+            parameter=Term(name),
+            value=values,
+            count=len(values),
+            wanted=layers,
+        )
 
 
 def _own(value: Any, first: Any, given: Any) -> Any:
@@ -453,21 +606,13 @@ def _number(value: float | Sequence[float] | None, index: int, layers: int, draw
     return check_number(name, values[index])
 
 
-def _edge(value: str | Sequence[str] | None, index: int, layers: int, penalty: float, style: str) -> str:
+def _edge(
+    value: str | Sequence[str] | None, index: int, layers: int, penalty: float, style: str, one_piece: str
+) -> str:
     if value is None:
-        return "crisp" if penalty >= _MIN_STROKE_PENALTY and style != "thesis" else "soft"
-    several = [value] * layers if isinstance(value, str) else value
-    values = check_items("edge", several, str, "a text, or one for each layer")
-    if len(values) != layers:
-        raise OptionError(
-            "{parameter} is given for {count} layers, the motif has {wanted}; give one, or one for each",
-            kind="count",
-            parameter=Term("edge"),
-            value=values,
-            count=len(values),
-            wanted=layers,
-        )
-    return str(values[index])
+        strokes = penalty >= _MIN_STROKE_PENALTY and style != "thesis"
+        return "crisp" if strokes or one_piece else "soft"
+    return _words(value, layers, "edge")[index]
 
 
 def _base_conductivity(packed: str, strength: float, law: str) -> npt.NDArray[np.float64]:

@@ -7,7 +7,7 @@ Two motifs A and B, each periodic, minimise
 
 with a mass bound each, f being the thermal compliance. The compound motif AB has them side by side and
 alternating in both directions, so that every border of one meets one of the other. Of more than two motifs,
-every pair is a compound.
+every pair is a compound. By the rule "rotate" the second motif is turned by 180° in it.
 
 *Stages.* A further stage fixes the motifs there are, and generates new ones between neighbours. A new motif
 has the sources and sinks of both neighbours, in proportion; it starts as a blend of both, and forms compounds
@@ -18,33 +18,45 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import compress, pairwise
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.arrays import Floats
 from toposeam.checks import check_function, check_items, check_kind, check_range, check_whole
 from toposeam.display import to_png
 from toposeam.errors import OptionError, Term
 from toposeam.motif.arrangement import arrange
-from toposeam.motif.border_smoothing import smooth_row_borders
+from toposeam.motif.border_smoothing import border_weight, smooth_row_borders, smooth_wash_borders
 from toposeam.motif.generate import make_motif
 from toposeam.motif.ink.stroke_repair import repair_strokes
 from toposeam.motif.motif import Motif
 from toposeam.motif.optimise.compound import JoinOptions, Member, generate_row
+from toposeam.motif.optimise.conduction import MIN_DENSITY
 from toposeam.motif.recipe.recipe import LayerRecipe, Point, Recipe
 from toposeam.motif.symmetry.borders import (
     BESIDE_STROKES,
-    FADE,
     border_visibility,
+    edge_visibility,
     fade_to_mean,
+    line_visibility,
     restore_mass,
 )
 from toposeam.motif.symmetry.rules import GENERATORS, symmetry
+from toposeam.motif.symmetry.tiling import copy_at
 
-#: Rules by which cells lie side by side unchanged, so that other cells may take their places.
-JOINABLE = ("translate", *GENERATORS)
+#: Rules by which cells lie side by side unchanged, or every second one turned, so that other cells may take
+#: their places.
+JOINABLE = ("translate", "rotate", *GENERATORS)
+#: Visibility of borders up to which nothing is done about them, and the number of random patterns in which it
+#: is measured.
+_EVEN_ENOUGH, _LAID = 0.85, 4
+#: Half the widths of the band along a border that is changed, as `border_weight` takes them, and the
+#: logarithms of the factors that are tried on it.
+_TRIED_WIDTHS = (4.0, 2.0)
+_TRIED_POWERS = (-0.2, -0.1, -0.05, 0.05, 0.1, 0.2)
 #: Default width of the border that motifs share, as a share of the cell's shorter side.
 _SHARED_BORDER = 0.03
 
@@ -126,7 +138,8 @@ def border_mismatch(a: Motif, b: Motif) -> float:
     -------
     float
         Mean step of density across the borders a|b, b|a, a over b and b over a, divided by the mean step in
-        the first and last two rows and columns of both. About 1 where the border cannot be seen.
+        the first and last two rows and columns of both. About 1 where the border cannot be seen. By the rule
+        "rotate" b is turned.
 
     Examples
     --------
@@ -146,7 +159,8 @@ def border_mismatch(a: Motif, b: Motif) -> float:
             b=b.densities.shape,
         )
     across, within = [], []
-    for first, second in ((a.densities, b.densities), (b.densities, a.densities)):
+    beside = copy_at(b.densities, a.repeat, 0, int(a.repeat == "rotate"))
+    for first, second in ((a.densities, beside), (beside, a.densities)):
         for one, two in ((first, second), (first.swapaxes(1, 2), second.swapaxes(1, 2))):
             across.append(np.abs(one[..., -1] - two[..., 0]).mean())
             within.append(np.abs(one[..., -1] - one[..., -2]).mean())
@@ -230,10 +244,18 @@ def join_motifs(
         row = longer
         generate_row(row, options)
     layers = [_finish_layer(row, layer, shared, weight) for layer in range(len(first.layers))]
-    motifs = [
-        make_motif(member.recipe, [layer[index] for layer in layers], member.history)
-        for index, member in enumerate(row)
-    ]
+
+    def made(given: list[list[npt.NDArray[np.float32]]]) -> list[Motif]:
+        return [
+            make_motif(member.recipe, [layer[index] for layer in given], member.history)
+            for index, member in enumerate(row)
+        ]
+
+    motifs = (
+        made(layers)
+        if weight == 0 and shared == 0
+        else _with_even_borders(layers, made, [member.stage == 1 for member in row])
+    )
     return JoinedMotifs(motifs=tuple(motifs), stages=tuple(member.stage for member in row), weight=weight)
 
 
@@ -257,14 +279,71 @@ def _finish_layer(row: list[Member], layer: int, shared: int, weight: float) -> 
     masses = [member.recipe.layers[layer].mass for member in row]
     edges = [member.recipe.layers[layer].edge for member in row]
     if shared and "soft" in edges:
-        soft = fade_to_mean(np.stack(found), shared, FADE if set(edges) == {"soft"} else BESIDE_STROKES)
+        mixed = set(edges) != {"soft"}
+        soft = fade_to_mean(np.stack(found), first.repeat, *((shared, BESIDE_STROKES) if mixed else ()))
         found = [soft[index] if edge == "soft" else found[index] for index, edge in enumerate(edges)]
+    if shared and set(edges) == {"soft"}:
+        found = smooth_wash_borders(found, first.repeat)
+        return [symmetry(first.repeat, first.size).mean(one).astype(np.float32) for one in found]
     given = [index for index, member in enumerate(row) if member.stage == 1]
     for _ in range(2):  # correcting the mass changes the level at which strokes end a little
         found = smooth_row_borders(found, edges, first.repeat, shared, given)
         found = [restore_mass(one, mass) for one, mass in zip(found, masses, strict=True)]
     orbits = symmetry(first.repeat, first.size)
     return [orbits.mean(one).astype(np.float32) for one in found]
+
+
+def _with_even_borders(
+    layers: list[list[npt.NDArray[np.float32]]],
+    made: Callable[[list[list[npt.NDArray[np.float32]]]], list[Motif]],
+    first: Sequence[bool],
+) -> list[Motif]:
+    """Return the motifs of layers, each a list of densities, whose borders show least where they are laid.
+
+    Where a border shows more than the lines inside, all motifs get a common factor along it, and the best of
+    some factors is kept; which one the `first` motifs say, so that further stages do not change them.
+    """
+    motifs = made(layers)
+    for index in range(len(layers)):
+        for axis in (0, 1):
+            worst = _laid_visibility(list(compress(motifs, first)), index, axis)
+            if worst <= _EVEN_ENOUGH:
+                continue
+            shape, repeat = layers[index][0].shape, motifs[0].repeat
+            before = layers[index]
+            for width in _TRIED_WIDTHS:
+                bump = border_weight(shape, axis, repeat, width)
+                for power in _TRIED_POWERS:
+                    factor = np.exp(power * bump)
+                    tried = list(layers)
+                    tried[index] = [_scaled(one, factor, repeat) for one in before]
+                    found = made(tried)
+                    shown = _laid_visibility(list(compress(found, first)), index, axis)
+                    if shown < worst:
+                        motifs, layers, worst = found, tried, shown
+                if worst <= _EVEN_ENOUGH:
+                    break
+    return motifs
+
+
+def _scaled(density: npt.NDArray[np.float32], factor: Floats, repeat: str) -> npt.NDArray[np.float32]:
+    """Return a density times a factor, with its mass restored inside."""
+    changed = np.clip(density * factor, MIN_DENSITY, 1.0)
+    restored = restore_mass(changed, float(density.mean(dtype=np.float64)))
+    shape = (density.shape[0], density.shape[1])
+    return symmetry(repeat, shape).mean(restored).astype(np.float32)
+
+
+def _laid_visibility(motifs: list[Motif], layer: int, axis: int) -> float:
+    """Compute how far borders across an axis show, as lines or as edges, of one ink, in random patterns."""
+    worst = 0.0
+    for seed in range(_LAID):
+        laid = arrange(motifs, (4, 4), seed=seed)
+        inked = laid.coverage_of(layer)
+        side = motifs[0].densities.shape[1 + axis]
+        inked = inked if axis == 0 else inked.T
+        worst = max(worst, line_visibility(inked, side), edge_visibility(inked, side))
+    return worst
 
 
 def _blend(a: Recipe, b: Recipe, share: float) -> Recipe:
@@ -305,6 +384,16 @@ def _check_recipes(recipes: Sequence[Recipe], weight: float, stages: int, betwee
     check_whole("between", between, 1, 10)
     check_whole("shared", shared, 0, min(recipes[0].size))
     first = recipes[0]
+    for recipe in recipes:
+        composed = {"outline": recipe.outline, "knock_out": recipe.knock_out, "one_piece": recipe.one_piece}
+        composed["scale"] = any(layer.scale > 1 for layer in recipe.layers)
+        for name, value in composed.items():
+            if value:
+                raise OptionError(
+                    "motifs that join each other know no {parameter}; join motifs without",
+                    kind="conflict",
+                    parameter=Term(name),
+                )
     if first.repeat not in JOINABLE:
         raise OptionError(
             "{parameter} is {value}; motifs that join each other must repeat by {allowed}",
@@ -323,7 +412,7 @@ def _check_recipes(recipes: Sequence[Recipe], weight: float, stages: int, betwee
             size=first.size[1] + 1,
         )
     for other in recipes[1:]:
-        for name in ("size", "repeat", "paper", "iterations", "move", "filter_radius", "coarse"):
+        for name in ("size", "repeat", "paper", "iterations", "move", "filter_radius", "coarse", "guide"):
             if getattr(other, name) != getattr(first, name):
                 raise OptionError(
                     "the recipes differ in {parameter} ({first!s} and {value!s}); give all the same",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.checks import check_kind, check_pair
+from toposeam.checks import check_kind, check_pair, check_range
 from toposeam.errors import OptionError
 from toposeam.motif.ink.mixing import mix
 from toposeam.motif.ink.palettes import Palette
@@ -66,6 +67,14 @@ class Motif(Inked):
         return tuple(layer.name or f"ink {number}" for number, layer in enumerate(self.recipe.layers, 1))
 
     @property
+    def frame(self) -> float:
+        """Width of the frame that keeps a sheet in one piece, in elements; see :class:`SvgOptions`. 0 where
+        the recipe does not want one piece.
+        """
+        width = self.recipe.bridge * min(self.recipe.size) / 100
+        return {"ink": width, "paper": -width}.get(self.recipe.one_piece, 0.0)
+
+    @property
     def record(self) -> dict[str, Any]:
         """The recipe as plain values."""
         return {"recipe": self.recipe.to_dict()}
@@ -113,7 +122,11 @@ class Motif(Inked):
 
 
 def repeat_densities(
-    motif: Motif, counts: tuple[int, int] = (3, 3), *, size: tuple[int, int] | None = None
+    motif: Motif,
+    counts: tuple[int, int] = (3, 3),
+    *,
+    size: tuple[int, int] | None = None,
+    frame: float = 0.0,
 ) -> npt.NDArray[np.float32]:
     """Return the printed layers of a pattern of rows × columns motifs, arranged by the motif's rule.
 
@@ -123,6 +136,9 @@ def repeat_densities(
     counts : (rows, columns)
     size : (rows, columns), optional
         Size of one motif.
+    frame : float
+        Width of a frame of ink round the pattern, in elements; below 0 one without ink. See
+        :class:`SvgOptions`.
 
     Returns
     -------
@@ -141,7 +157,12 @@ def repeat_densities(
     (2, 32, 48)
     """
     pair = _counts(motif, counts, size)
-    return tile(motif.coverage(size), motif.repeat, pair)
+    check_range(-1000, 1000, frame=frame)
+    layers = tile(motif.coverage(size), motif.repeat, pair)
+    wide = math.ceil(abs(frame) * layers.shape[2] / (motif.densities.shape[2] * pair[1]))
+    for edge in (np.s_[..., :wide], np.s_[..., -wide:], np.s_[:, :wide], np.s_[:, -wide:]) if wide else ():
+        layers[edge] = float(frame > 0)
+    return layers
 
 
 def _counts(motif: Motif, counts: Any, size: Any) -> tuple[int, int]:

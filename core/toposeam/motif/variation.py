@@ -7,11 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
+from toposeam.arrays import Mask
 from toposeam.checks import Seed, check_kind, check_range, seed_of
 from toposeam.motif.generate import random_recipe
 from toposeam.motif.ink.palettes import Palette
+from toposeam.motif.optimise.layer import outline_on_cell
+from toposeam.motif.optimise.spots import lies_in
 from toposeam.motif.recipe.recipe import LayerRecipe, Point, Recipe, unpack_base
 from toposeam.motif.recipe.styles import STYLES, draw_rule
+from toposeam.motif.symmetry.rules import fits_twice
 
 #: Amount up to which a variation keeps style and rule; from there on either changes with a probability that
 #: reaches 1 at the amount 1.
@@ -56,10 +60,12 @@ def vary(recipe: Recipe, *, amount: float = 1.0, seed: Seed = 0) -> Recipe:
         recipe = restyle(replace(recipe, seed=seed), None)
     if other_rule:
         styles = [layer.style for layer in recipe.layers]
-        recipe = replace(recipe, repeat=draw_rule(styles, seed, recipe.size))
+        rule = draw_rule(styles, seed, recipe.size)
+        if fits_twice(rule) or all(layer.scale % 2 for layer in recipe.layers):
+            recipe = replace(recipe, repeat=rule)
     if other_style:
         return recipe
-    layers = tuple(_varied(layer, recipe.repeat, amount, rng.spawn(1)[0]) for layer in recipe.layers)
+    layers = tuple(_varied(layer, recipe, amount, rng.spawn(1)[0]) for layer in recipe.layers)
     return replace(recipe, layers=layers, seed=seed)
 
 
@@ -94,6 +100,10 @@ def restyle(recipe: Recipe, style: str | Sequence[str] | None) -> Recipe:
         seed=recipe.seed,
         palette=colours,
         base=unpack_base(recipe.base) if recipe.base else None,
+        outline=1 - unpack_base(recipe.outline) if recipe.outline else None,
+        place=[layer.place for layer in recipe.layers],
+        scale=[layer.scale for layer in recipe.layers],
+        one_piece=recipe.one_piece,
     )
     layers = [
         replace(new, ink=old.ink, name=old.name) for new, old in zip(drawn.layers, recipe.layers, strict=True)
@@ -103,32 +113,42 @@ def restyle(recipe: Recipe, style: str | Sequence[str] | None) -> Recipe:
     )
 
 
-def _varied(layer: LayerRecipe, repeat: str, amount: float, rng: np.random.Generator) -> LayerRecipe:
-    style = STYLES[layer.style]
+def _varied(layer: LayerRecipe, recipe: Recipe, amount: float, rng: np.random.Generator) -> LayerRecipe:
+    style, repeat = STYLES[layer.style], recipe.repeat
+    inside = None
+    if layer.place != "everywhere" and layer.scale == 1:
+        inside = outline_on_cell(recipe.outline, layer.place, repeat, recipe.size)
 
     def towards(value: float, ends: tuple[float, float]) -> float:
         return (1 - amount) * value + amount * float(rng.uniform(*ends))
 
     return replace(
         layer,
-        sources=_moved(layer.sources, repeat, amount, rng),
-        sinks=_moved(layer.sinks, repeat, amount, rng),
+        sources=_moved(layer.sources, repeat, amount, rng, inside),
+        sinks=_moved(layer.sinks, repeat, amount, rng, inside),
         mass=towards(layer.mass, style.mass),
         ambient=towards(layer.ambient, style.ambient) if layer.ambient else 0.0,
     )
 
 
 def _moved(
-    points: tuple[Point, ...], repeat: str, amount: float, rng: np.random.Generator
+    points: tuple[Point, ...],
+    repeat: str,
+    amount: float,
+    rng: np.random.Generator,
+    inside: Mask | None,
 ) -> tuple[Point, ...]:
     """Move each point by up to `amount` half cells along each axis, and change its strength.
 
-    At the border a point continues at the opposite one if the cell repeats so; else it is mirrored.
+    At the border a point continues at the opposite one if the cell repeats so; else it is mirrored. A point
+    that would leave a shape stays where it is.
     """
     moved = []
     for x, y, strength in points:
         place = np.array([x, y]) + amount * rng.uniform(-0.5, 0.5, 2)
         place = np.abs((place + 1) % 2 - 1) if repeat in ("none", "reflect", "rotate") else place % 1
+        if inside is not None and not lies_in(inside, place):
+            place = np.array([x, y])
         moved.append(
             (float(place[0]), float(place[1]), strength * float(np.exp(amount * rng.uniform(-0.5, 0.5))))
         )

@@ -7,7 +7,6 @@ plate; those of opaque inks cover.
 
 from __future__ import annotations
 
-import math
 import zlib
 from collections.abc import Sequence
 
@@ -16,7 +15,7 @@ import numpy as np
 from toposeam.checks import check_kind
 from toposeam.motif.ink.stroke_edges import fineness
 from toposeam.motif.ink.svg import Bands, Drawable, InkedArea, SvgOptions, check_counts, inked_areas
-from toposeam.motif.symmetry.tiling import period, tile
+from toposeam.motif.symmetry.tiling import lines_of_copies
 from toposeam.vector.contours import MARGIN_PX, CurvePath
 
 #: Points of PDF in a millimetre, and in an element where no width is given: 96 px per inch, as in SVG.
@@ -45,14 +44,22 @@ def draw_pdf(
     check_kind("motif", motif, Drawable, "a Motif")
     check_counts(counts)
     height, width = motif.densities.shape[1:]
-    down, across = (1, 1) if tuple(counts) == (1, 1) else period(motif.repeat)
-    rule = motif.repeat if (down, across) == (1, 1) else "translate"
+    copies, rows = lines_of_copies(motif.repeat, counts)
+    laid = [row.after(copy) for row in rows for copy in copies]
+    sheet = width * counts[1], height * counts[0]
+    free = max(-options.frame, 0.0)
+    places = [f"{free:.4f} {free:.4f} {sheet[0] - 2 * free:.4f} {sheet[1] - 2 * free:.4f} re W n"]
+    places += [
+        f"q {at.flip_x} 0 0 {at.flip_y} {at.x * width:.4f} {at.y * height:.4f} cm /C Do Q" for at in laid
+    ]
     fine = fineness((height, width))
     scale = _POINTS_PER_PX if options.width_mm is None else options.width_mm / width * _POINTS_PER_MM
     page = width * counts[1] * scale, height * counts[0] * scale
     document = _Document()
     margin = MARGIN_PX / fine
-    box = f"[{-margin} {-margin} {across * width + margin} {down * height + margin}]"
+    # Copies overlap by half an element on each side, so that no hairline shows between them.
+    beyond = margin if len(laid) == 1 else 0.5
+    box = f"[{-beyond} {-beyond} {width + beyond} {height + beyond}]"
     opaque = motif.inking == "opaque"
     states = [document.add(f"<< /BM /{'Normal' if opaque else 'Multiply'} /ca 1 >>")]
     colours, groups = [], []
@@ -61,27 +68,22 @@ def draw_pdf(
         zip(densities, motif.inks, motif.edges, motif.names, strict=True)
     ):
         bands = Bands(edge, motif.ends(layer), options.levels)
-        faint, areas = inked_areas(tile(density, motif.repeat, (down, across)), rule, bands, fine)
+        faint, areas = inked_areas(density, motif.repeat, bands, fine)
         shade = " ".join(f"{value:.4f}" for value in ink)
         function = f"<< /FunctionType 2 /Domain [0 1] /C0 [1 1 1] /C1 [{shade}] /N 1 >>"
         colours.append(document.add(f"[/Separation {_name(name)} /DeviceRGB {function}]"))
-        commands, covers = _painted(faint, areas, fine, (down * height, across * width), opaque)
+        commands, covers = _painted(faint, areas, fine, (height, width), opaque)
         shown = " ".join(f"/A{index} << /ca {cover:.4f} >>" for index, cover in enumerate(covers))
         resources = f"/ColorSpace << /S {colours[-1]} 0 R >> /ExtGState << {shown} >>"
         cell = document.stream(
             commands, f"/Type /XObject /Subtype /Form /BBox {box} /Resources << {resources} >>"
         )
-        places = [
-            f"q 1 0 0 1 {column * across * width} {row * down * height} cm /C Do Q"
-            for row in range(math.ceil(counts[0] / down))
-            for column in range(math.ceil(counts[1] / across))
-        ]
-        whole = f"[0 0 {width * counts[1]:.4f} {height * counts[0]:.4f}]"
+        whole = f"[0 0 {sheet[0]:.4f} {sheet[1]:.4f}]"
         groups.append(
             document.stream(
-                places,
+                [*places, *_frame(sheet, options.frame)],
                 f"/Type /XObject /Subtype /Form /BBox {whole} /Group << /S /Transparency >> "
-                f"/Resources << /XObject << /C {cell} 0 R >> >>",
+                f"/Resources << /ColorSpace << /S {colours[-1]} 0 R >> /XObject << /C {cell} 0 R >> >>",
             )
         )
     content = [f"{scale:.8f} 0 0 {-scale:.8f} 0 {page[1]:.4f} cm"]
@@ -97,6 +99,14 @@ def draw_pdf(
         f"/Resources << /XObject << {shown} >> /ExtGState << /B {states[0]} 0 R >> >>",
         metadata,
     )
+
+
+def _frame(sheet: tuple[float, float], width: float) -> list[str]:
+    """Return the commands that paint a frame of ink along the edge of a sheet, if it has a width."""
+    if width <= 0:
+        return []
+    inner = f"{width:.4f} {width:.4f} {sheet[0] - 2 * width:.4f} {sheet[1] - 2 * width:.4f} re"
+    return ["/S cs 1 scn", f"0 0 {sheet[0]:.4f} {sheet[1]:.4f} re {inner} f*"]
 
 
 def _painted(

@@ -1,14 +1,16 @@
-"""Drawing of a motif as SVG: contours of every layer, multiplied onto the paper, repeated by a pattern.
+"""Drawing of a motif as SVG: contours of every layer, multiplied onto the paper, repeated by clones.
 
 Each layer is a group that is blended by multiplication. Within a group, areas of higher density lie on those
 of lower density in opaque colours. So only the groups need blending, and editors can recolour each layer.
-A crisp ink has a path for each stroke, so that single ones can be taken.
+A crisp ink has a path for each stroke, so that single ones can be taken. On a sheet every other motif is a
+clone (``<use>``) of the first one: what an editor changes there changes in all of them. Each copy is cut half
+a px beyond its border, so that neighbours overlap and no hairline shows between them.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from typing import Any, Protocol, TypedDict, Unpack, runtime_checkable
@@ -23,7 +25,7 @@ from toposeam.colours import to_hex
 from toposeam.errors import OptionError, Term
 from toposeam.motif.ink.stroke_edges import SMOOTHING, fineness
 from toposeam.motif.ink.stroke_repair import find_crumbs, find_holes
-from toposeam.motif.symmetry.tiling import extend, period, tile
+from toposeam.motif.symmetry.tiling import Placed, extend, lines_of_copies
 from toposeam.vector.contours import MARGIN_PX, CurvePath, contour_beyond
 
 #: Largest document, in characters: editors do not open larger ones.
@@ -79,6 +81,7 @@ class SvgKeywords(TypedDict, total=False):
     levels: int
     width_mm: float | None
     transparent: bool
+    frame: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,9 +102,13 @@ class SvgOptions:
     width_mm: float | None = None
     #: Leave the paper out, so that the background shows.
     transparent: bool = False
+    #: Width of a frame of ink round the whole, in elements, which holds what the edge cuts off; below 0 a
+    #: frame without ink, for stencils.
+    frame: float = 0.0
 
     def __post_init__(self) -> None:
         check_whole("levels", self.levels, 1, 64)
+        check_range(-1000, 1000, frame=self.frame)
         if self.width_mm is not None:
             check_range(0, 1e5, above=True, width_mm=self.width_mm)
 
@@ -120,7 +127,7 @@ def draw_svg(
     ----------
     motif : Motif or Arrangement
     counts : (rows, columns)
-        Number of motifs in the document, whole or not. One is drawn directly; more are a ``<pattern>``,
+        Number of motifs in the document, whole or not. The first one is drawn, the others are clones of it,
         arranged by the motif's rule.
     options : SvgOptions
     note : mapping, optional
@@ -161,51 +168,103 @@ def draw_svg(
             json.dumps(dict(note))
         except (TypeError, ValueError, RecursionError) as error:
             raise kind_error("note", note, "a mapping of what JSON can hold") from error
+    sheet = _Sheet.of(motif, (rows, columns), chosen.frame)
+    settings = {**(note or {}), **motif.record}
+    return _document(motif, (rows, columns), chosen, settings, sheet, _inks(motif, chosen, sheet))
+
+
+def draw_frames(
+    frames: Sequence[Drawable],
+    counts: tuple[float, float],
+    seconds: tuple[float, float],
+    *,
+    options: SvgOptions,
+) -> str:
+    """Return an SVG document that shows drawings one after another, again and again.
+
+    Parameters
+    ----------
+    frames : sequence of Motif
+        Of one size. Where nothing moves, the last one shows.
+    counts : (rows, columns)
+    seconds : (float, float)
+        Duration of all of them, and of the last one after that.
+    options : SvgOptions
+
+    Raises
+    ------
+    OptionError
+        As of :func:`draw_svg`.
+    """
+    check_counts(counts)
+    last = frames[-1]
+    sheet = _Sheet.of(last, counts, options.frame)
+    whole = sum(seconds)
+    step = seconds[0] / len(frames) / whole
+    lines = []
+    for number, frame in enumerate(frames):
+        begin = number * step
+        end = 1.0 if number == len(frames) - 1 else begin + step
+        moments = [(0.0, begin == 0), (begin, True), (end, False)]
+        moments = [moment for index, moment in enumerate(moments) if index != 1 or begin > 0]
+        moments = [moment for moment in moments if moment[0] < 1]
+        shown = ";".join("inline" if visible else "none" for _, visible in moments)
+        times = ";".join(f"{time:.5f}" for time, _ in moments)
+        hidden = "" if frame is last else ' display="none"'
+        lines += [
+            f'<g id="frame-{number + 1}"{hidden}>',
+            f'<animate attributeName="display" values="{shown}" keyTimes="{times}" dur="{whole:g}s" '
+            'calcMode="discrete" repeatCount="indefinite"/>',
+            *_inks(frame, options, sheet, f"frame-{number + 1}-"),
+            "</g>",
+        ]
+    return _document(last, counts, options, dict(last.record), sheet, lines)
+
+
+def _inks(motif: Drawable, options: SvgOptions, sheet: _Sheet | None, prefix: str = "") -> list[str]:
+    """Return the lines of the groups of all inks."""
     height, width = motif.densities.shape[1:]
-    # The cell that repeats by translation holds several motifs if neighbours are mirrored, turned or shifted.
-    single = (rows, columns) == (1, 1)
-    down, across = (1, 1) if single else period(motif.repeat)
-    rule = motif.repeat if (down, across) == (1, 1) else "translate"
     groups = []
     fine = fineness((height, width))
     densities = motif.resampled((fine * height, fine * width))
     layers = zip(densities, motif.inks, motif.edges, motif.names, strict=True)
     for number, (density, ink, edge, name) in enumerate(layers, 1):
-        cell = tile(density, motif.repeat, (down, across))
-        bands = Bands(edge, motif.ends(number - 1), chosen.levels)
-        groups += _layer(cell, rule, _Colour(ink, motif.inking), (number, name), bands, fine)
+        bands = Bands(edge, motif.ends(number - 1), options.levels)
+        areas = inked_areas(density, motif.repeat, bands, fine)
+        label = f"{prefix}ink-{number}", name
+        groups += _layer(areas, (height, width), _Colour(ink, motif.inking), label, fine, sheet)
+    return groups
+
+
+def _document(
+    motif: Drawable,
+    counts: tuple[float, float],
+    chosen: SvgOptions,
+    settings: Mapping[str, Any],
+    sheet: _Sheet | None,
+    groups: list[str],
+) -> str:
+    """Return a document of groups of inks."""
+    rows, columns = counts
+    height, width = motif.densities.shape[1:]
     unit, scale = ("", 1.0) if chosen.width_mm is None else ("mm", chosen.width_mm / width)
     size_x, size_y = width * columns, height * rows
-    settings = {**(note or {}), **motif.record}
-    margin = MARGIN_PX
-    ground = (
-        ""
-        if chosen.transparent
-        else (
-            f'<rect x="{-margin}" y="{-margin}" width="{across * width + 2 * margin}" '
-            f'height="{down * height + 2 * margin}" fill="{to_hex(motif.paper)}"/>'
-        )
-    )
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',
-        '<svg xmlns="http://www.w3.org/2000/svg" xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape"'
+        '<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" '
+        'xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape"'
         f' width="{_number(size_x * scale)}{unit}" height="{_number(size_y * scale)}{unit}"'
         f' viewBox="0 0 {_number(size_x)} {_number(size_y)}">',
         f'<metadata id="toposeam">{escape(json.dumps(settings, allow_nan=False), quote=False)}</metadata>',
+        *([] if sheet is None else sheet.definitions()),
     ]
-    if single:
-        lines += [ground, *groups]
-    else:
-        lines += [
-            "<defs>",
-            f'<pattern id="motif" width="{across * width}" height="{down * height}" '
-            'patternUnits="userSpaceOnUse">',
-            ground,
-            *groups,
-            "</pattern>",
-            "</defs>",
-            f'<rect width="{_number(size_x)}" height="{_number(size_y)}" fill="url(#motif)"/>',
-        ]
+    if not chosen.transparent:
+        margin = MARGIN_PX
+        lines.append(
+            f'<rect id="paper" x="{-margin}" y="{-margin}" width="{_number(size_x + 2 * margin)}" '
+            f'height="{_number(size_y + 2 * margin)}" fill="{to_hex(motif.paper)}"/>'
+        )
+    lines += groups
     document = "\n".join([*lines, "</svg>", ""])
     if len(document) > LARGEST_CHARACTERS:
         raise OptionError(
@@ -272,30 +331,98 @@ class _Colour:
         return f'fill="{to_hex(self._ink)}"{cover}'
 
 
+class _Sheet:
+    """Copies of a cell on a sheet, as clones of what is drawn on the first one."""
+
+    def __init__(self, repeat: str, counts: tuple[float, float], cell: tuple[int, int], frame: float) -> None:
+        self._counts, self._cell, self._frame = counts, cell, frame
+        self._copies, self._lines = lines_of_copies(repeat, counts)
+
+    @classmethod
+    def of(cls, motif: Drawable, counts: tuple[float, float], frame: float) -> _Sheet | None:
+        """Return the sheet of a motif; None where it is the motif alone."""
+        height, width = motif.densities.shape[1:]
+        return (
+            None
+            if tuple(counts) == (1, 1) and not frame
+            else cls(motif.repeat, counts, (height, width), frame)
+        )
+
+    def definitions(self) -> list[str]:
+        """Return the lines that define the areas to which a copy, and the sheet, are cut."""
+        (rows, columns), (height, width) = self._counts, self._cell
+        free = max(-self._frame, 0.0)
+        wide, high = columns * width - 2 * free, rows * height - 2 * free
+        return [
+            "<defs>",
+            f'<clipPath id="cell"><rect x="-0.5" y="-0.5" width="{width + 1}" height="{height + 1}"/>'
+            "</clipPath>",
+            f'<clipPath id="sheet"><rect x="{_number(free)}" y="{_number(free)}" width="{_number(wide)}" '
+            f'height="{_number(high)}"/></clipPath>',
+            "</defs>",
+        ]
+
+    def framed(self, fill: str) -> list[str]:
+        """Return the line of a frame of ink, if there is one."""
+        if self._frame <= 0:
+            return []
+        return [f'<path {fill} fill-rule="evenodd" d="{frame_path(self._counts, self._cell, self._frame)}"/>']
+
+    def cloned(self, name: str, drawn: list[str]) -> list[str]:
+        """Return the lines of a drawing on the first cell, and of its clones on all others."""
+        lines = [f'<g id="{name}-motif" clip-path="url(#cell)">', *drawn, "</g>"]
+        lines += [self._clone(f"{name}-motif", each) for each in self._copies[1:]]
+        if len(self._lines) == 1:
+            return lines
+        row = [f'<g id="{name}-line">', *lines, "</g>"]
+        return [*row, *(self._clone(f"{name}-line", each) for each in self._lines[1:])]
+
+    def _clone(self, name: str, at: Placed) -> str:
+        height, width = self._cell
+        x, y = _number(at.x * width), _number(at.y * height)
+        moved = (
+            f"translate({x},{y})"
+            if (at.flip_x, at.flip_y) == (1, 1)
+            else f"matrix({at.flip_x},0,0,{at.flip_y},{x},{y})"
+        )
+        return f'<use xlink:href="#{name}" transform="{moved}"/>'
+
+
 def _layer(
-    density: npt.NDArray[np.float32],
-    rule: str,
+    inked: tuple[float, list[InkedArea]],
+    cell: tuple[int, int],
     colour: _Colour,
-    name: tuple[int, str],
-    bands: Bands,
+    label: tuple[str, str],
     fine: int,
+    sheet: _Sheet | None,
 ) -> list[str]:
-    """Return the lines of one ink's SVG group."""
-    faint, areas = inked_areas(density, rule, bands, fine)
+    """Return the lines of one ink's SVG group, of the id and name in `label`.
+
+    Tone by tone, a sheet has all copies of one before the next: so no copy covers darker parts of another.
+    """
+    faint, areas = inked
+    cut = "" if sheet is None else ' clip-path="url(#sheet)"'
     lines = [
-        f'<g id="ink-{name[0]}" inkscape:groupmode="layer" inkscape:label="{escape(name[1])}" '
-        f'style="mix-blend-mode:{colour.blend}">'
+        f'<g id="{label[0]}" inkscape:groupmode="layer" inkscape:label="{escape(label[1])}" '
+        f'style="mix-blend-mode:{colour.blend}"{cut}>'
     ]
+    tones = []
     if faint > 0:
-        across, down = (side // fine + 2 * MARGIN_PX for side in (density.shape[1], density.shape[0]))
-        lines.append(
-            f'<rect x="{-MARGIN_PX}" y="{-MARGIN_PX}" width="{across}" height="{down}" '
-            f"{colour.fill(faint, 0.0)}/>"
+        height, width = (side + 2 * MARGIN_PX for side in cell)
+        tones.append(
+            [
+                f'<rect x="{-MARGIN_PX}" y="{-MARGIN_PX}" width="{width}" height="{height}" '
+                f"{colour.fill(faint, 0.0)}/>"
+            ]
         )
     for area in areas:
         drawn = [f'<path d="{data}"/>' for stroke in area.strokes if (data := stroke.data(1 / fine))]
         if drawn:
-            lines += [f'<g {colour.fill(area.tone, area.below)} fill-rule="evenodd">', *drawn, "</g>"]
+            tones.append([f'<g {colour.fill(area.tone, area.below)} fill-rule="evenodd">', *drawn, "</g>"])
+    for number, drawn in enumerate(tones, 1):
+        lines += drawn if sheet is None else sheet.cloned(f"{label[0]}-{number}", drawn)
+    if sheet is not None:
+        lines += sheet.framed(colour.fill(1.0, 0.0))
     return [*lines, "</g>"]
 
 
@@ -335,6 +462,13 @@ def _without_crumbs(smooth: Floats, rule: str, at: float) -> Floats:
     inside = smooth[MARGIN_PX:-MARGIN_PX, MARGIN_PX:-MARGIN_PX] > at
     smooth = np.where(extend(find_crumbs(inside, rule), rule, MARGIN_PX), 0.0, smooth)
     return np.where(extend(find_holes(inside, rule), rule, MARGIN_PX), np.maximum(smooth, 1.5 * at), smooth)
+
+
+def frame_path(counts: tuple[float, float], cell: tuple[int, int], frame: float) -> str:
+    """Return the path data of a frame along the edge of a sheet."""
+    width, height = counts[1] * cell[1], counts[0] * cell[0]
+    x, y, f = (_number(each) for each in (width - frame, height - frame, frame))
+    return f"M0,0V{_number(height)}H{_number(width)}V0zM{f},{f}H{x}V{y}H{f}z"
 
 
 def _number(value: float) -> str:

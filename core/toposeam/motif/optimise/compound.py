@@ -27,7 +27,7 @@ from toposeam.motif.optimise.layer import (
 )
 from toposeam.motif.recipe.recipe import Recipe
 from toposeam.motif.symmetry.mirrors import Mirrors, mirrors
-from toposeam.motif.symmetry.rules import joint, symmetry
+from toposeam.motif.symmetry.rules import Symmetry, joint, symmetry
 from toposeam.optimize.oc import OCOptions
 
 #: Rule by which a compound of two motifs repeats, so that they alternate in both directions.
@@ -52,10 +52,14 @@ class Member:
 
 
 class _Plate:
-    """A plate of the objective: its problem, its weight, and the members that lie on it side by side."""
+    """A plate of the objective: its problem, its weight, and the members that lie on it side by side, the
+    second one turned by 180° if it is `turned`.
+    """
 
-    def __init__(self, problem: LayerProblem, members: tuple[int, ...], weight: float) -> None:
-        self.problem, self.members, self.weight = problem, members, weight
+    def __init__(
+        self, problem: LayerProblem, members: tuple[int, ...], weight: float, turned: bool = False
+    ) -> None:
+        self.problem, self.members, self.weight, self._turned = problem, members, weight, turned
         self.temperature: Floats | None = None
 
     def _penalty(self, penalties: list[float]) -> Floats | float:
@@ -66,7 +70,11 @@ class _Plate:
         return np.tile(np.repeat(own, w // len(own)), (h, 1))
 
     def _design(self, designs: list[Floats]) -> Floats:
-        return np.concatenate([designs[member] for member in self.members], axis=1)
+        return np.concatenate(self._laid([designs[member] for member in self.members]), axis=1)
+
+    def _laid(self, parts: list[Floats]) -> list[Floats]:
+        """Turn the second part to how it lies on the plate, or back."""
+        return [part[::-1, ::-1] if self._turned and place else part for place, part in enumerate(parts)]
 
     def solve(self, designs: list[Floats], penalties: list[float]) -> Temperature:
         """Solve for the steady state, starting from the previous temperature."""
@@ -81,7 +89,7 @@ class _Plate:
         slope = self.weight * self.problem.filter_sensitivity(
             design, self.problem.sensitivity(design, self._penalty(penalties), state.energy)
         )
-        return np.split(slope, len(self.members), axis=1)
+        return self._laid(np.split(slope, len(self.members), axis=1))
 
 
 def generate_row(row: list[Member], options: JoinOptions) -> None:
@@ -135,7 +143,11 @@ def _optimise(
             for part, recipe, inked in zip(layers, recipes, taken, strict=True)
         ]
         plates = [_Plate(problems[index], (index,), 1.0 - options.weight) for index in new]
-        plates += [_Plate(_compound(problems[a], problems[b]), (a, b), options.weight) for a, b in pairs]
+        turned = recipes[0].repeat == "rotate"
+        plates += [
+            _Plate(_compound(problems[a], problems[b], turned), (a, b), options.weight, turned)
+            for a, b in pairs
+        ]
         plates = [plate for plate in plates if plate.weight > 0]
         for plate, nodes in zip(plates, temperatures, strict=False):
             plate.temperature = (
@@ -148,8 +160,11 @@ def _optimise(
         ]
         if not temperatures and len(new) < len(row):
             _interpolate(designs, new, [part.mass for part in layers])
-        width = max(1, round(options.shared * shape[0] / recipes[0].size[0])) if options.shared else 0
-        ring = _Ring(shape, width, designs, new)
+        shares = options.shared and any(
+            part.edge != "soft" for part in layers
+        )  # wash fades into the mean later
+        width = max(1, round(options.shared * shape[0] / recipes[0].size[0])) if shares else 0
+        ring = _Ring(symmetry(recipes[0].repeat, shape), width, designs, new)
         border = mirrors(recipes[0].repeat, shape, options.weight > 0)
         for _ in range(count):
             slopes, found = _slopes(plates, designs, penalties)
@@ -224,12 +239,16 @@ def _interpolate(designs: list[Floats], new: list[int], masses: list[float]) -> 
 
 
 class _Ring:
-    """The outermost elements of a cell, whose densities are equal in all members."""
+    """The outermost elements of a cell, and their images by the rule, whose densities are equal in all
+    members.
+    """
 
-    def __init__(self, shape: tuple[int, int], width: int, designs: list[Floats], new: list[int]) -> None:
+    def __init__(self, orbits: Symmetry, width: int, designs: list[Floats], new: list[int]) -> None:
+        shape = orbits.shape
         self.width = min(width, min(shape) // 4)
-        self._inside = np.zeros(shape, bool)
-        self._inside[self.width : shape[0] - self.width, self.width : shape[1] - self.width] = True
+        outer = np.ones(shape)
+        outer[self.width : shape[0] - self.width, self.width : shape[1] - self.width] = 0
+        self._inside = orbits.largest(outer) == 0
         fixed = [design for index, design in enumerate(designs) if index not in new]
         self._fixed = np.mean(fixed, axis=0) if fixed else None
         self._values = np.zeros(shape)
@@ -260,16 +279,23 @@ def _first_design(member: Member, layer: int, problem: LayerProblem, coarse: Flo
     return refine_density(coarse, problem, recipe.layers[layer].mass)
 
 
-def _compound(a: LayerProblem, b: LayerProblem) -> LayerProblem:
-    """Return two motifs side by side on one plate, alternating in both directions (Figure 4.5)."""
+def _compound(a: LayerProblem, b: LayerProblem, turned: bool) -> LayerProblem:
+    """Return two motifs side by side on one plate, alternating in both directions (Figure 4.5); the second
+    one may be turned by 180°.
+    """
+    way = slice(None, None, -1 if turned else 1)
+
+    def laid(first: Floats, second: Floats) -> Floats:
+        return np.concatenate([first, second[way, way]], axis=1)
+
     plate = Plate(
-        np.concatenate([a.plate.heat, b.plate.heat], axis=1),
-        np.concatenate([a.plate.convection, b.plate.convection], axis=1),
+        laid(a.plate.heat, b.plate.heat),
+        laid(a.plate.convection, b.plate.convection),
         joint(_COMPOUND_RULE),
     )
     return LayerProblem(
         plate,
-        np.concatenate([a.nominal, b.nominal], axis=1),
+        laid(a.nominal, b.nominal),
         symmetry(_COMPOUND_RULE, plate.shape),
         _COMPOUND_RULE,
         a.radius,

@@ -20,7 +20,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import correlate1d
 
-from toposeam.arrays import Floats
+from toposeam.arrays import Floats, Mask
+from toposeam.errors import OptionError, Term
 from toposeam.heat.plate import Plate
 from toposeam.motif.ink.sampling import resample
 from toposeam.motif.recipe.recipe import LayerRecipe, Point, Recipe, unpack_base
@@ -35,6 +36,8 @@ VOID = 1e-3
 SPOT_RADIUS = 0.012
 #: Nominal conductivity at the blocked end of a base image of full strength, relative to the open end.
 _BLOCKED = 0.02
+#: Nominal conductivity far from the lines of a guide, relative to that on them.
+BESIDE_GUIDE = 0.03
 #: Least radius of the filter at full size, in elements, for smooth edges of strokes.
 _MIN_RADIUS = 1.5
 #: Convection of all sinks together, relative to the conductivity.
@@ -56,6 +59,8 @@ class LayerProblem:
     void: float
     #: Largest density of an element, (h, w) or one for all.
     upper: Floats | float
+    #: Elements on which the layer lies, (h, w); None for all.
+    domain: Mask | None = None
 
     @classmethod
     def at(
@@ -66,21 +71,48 @@ class LayerProblem:
         """
         orbits = symmetry(recipe.repeat, shape)
         spots = (_spots(points, shape, recipe.repeat) for points in (layer.sources, layer.sinks))
-        nominal = cls.nominal_of(recipe.base, recipe.base_strength, recipe.base_law, recipe.repeat, shape)
-        plate = Plate(*cls.loads(layer, orbits, nominal, *spots), joint(recipe.repeat))
-        radius, free = filter_radius(recipe, shape), cls.left_free(layer, recipe, shape, taken)
-        return cls(plate, nominal, orbits, recipe.repeat, radius, void_of(layer), free)
+        nominal, domain = cls.nominal_of(recipe, shape), cls.domain_of(layer, recipe, shape)
+        plate = Plate(*cls.loads(layer, orbits, nominal, domain, *spots), joint(recipe.repeat))
+        radius, free = filter_radius(recipe, shape), cls.left_free(layer, recipe, shape, taken, domain)
+        return cls(plate, nominal, orbits, recipe.repeat, radius, void_of(layer), free, domain)
 
     @classmethod
     def left_free(
-        cls, layer: LayerRecipe, recipe: Recipe, shape: tuple[int, int], taken: Floats | None
+        cls,
+        layer: LayerRecipe,
+        recipe: Recipe,
+        shape: tuple[int, int],
+        taken: Floats | None,
+        domain: Mask | None,
     ) -> Floats | float:
-        """Compute the largest densities: what the layers before have left, as far as this one avoids them."""
-        if taken is None or layer.avoid == 0:
-            return 1.0
-        inked = symmetry(recipe.repeat, shape).mean(cls.reduced(taken, recipe.repeat, shape))
-        left: Floats = np.clip(1.0 - layer.avoid * inked, MIN_DENSITY, 1.0)
-        return left
+        """Compute the largest densities: what the layers before have left, as far as this one avoids them,
+        and nothing beyond its domain.
+        """
+        left: Floats | float = 1.0
+        if taken is not None and layer.avoid:
+            inked = symmetry(recipe.repeat, shape).mean(cls.reduced(taken, recipe.repeat, shape))
+            left = np.clip(1.0 - layer.avoid * inked, MIN_DENSITY, 1.0)
+        return left if domain is None else np.where(domain, left, MIN_DENSITY)
+
+    @classmethod
+    def domain_of(cls, layer: LayerRecipe, recipe: Recipe, shape: tuple[int, int]) -> Mask | None:
+        """Return the elements on which a layer lies, all of an orbit or none; None for the whole cell.
+
+        By a rule with more operations the outline is that of all its images together.
+        """
+        if layer.place == "everywhere" or not recipe.outline:
+            return None
+        inside = cls.outline_of(recipe.outline, recipe.repeat, shape)
+        return inside if layer.place == "inside" else ~inside
+
+    @classmethod
+    @lru_cache(maxsize=8)
+    def outline_of(cls, outline: str, repeat: str, shape: tuple[int, int]) -> Mask:
+        """Return the elements inside of a packed outline; a read-only array for all layers."""
+        shown = cls.base_on_elements(unpack_base(outline), shape).astype(np.float64)
+        inside: Mask = symmetry(repeat, shape).largest(shown) >= 0.5
+        inside.flags.writeable = False
+        return inside
 
     @staticmethod
     def reduced(density: Floats, repeat: str, shape: tuple[int, int]) -> Floats:
@@ -88,11 +120,26 @@ class LayerProblem:
         return resample(density, repeat, shape).astype(np.float64)
 
     @classmethod
+    def nominal_of(cls, recipe: Recipe, shape: tuple[int, int]) -> Floats:
+        """Compute the nominal conductivities k_e of a recipe's base image and guide."""
+        return cls._nominal(
+            recipe.base, recipe.base_strength, recipe.base_law, recipe.guide, recipe.repeat, shape
+        )
+
+    @classmethod
     @lru_cache(maxsize=4)
-    def nominal_of(cls, base: str, strength: float, law: str, repeat: str, shape: tuple[int, int]) -> Floats:
-        """Compute k_e of a packed base image, averaged over the orbits; a read-only array for all layers."""
+    def _nominal(
+        cls, base: str, strength: float, law: str, guide: str, repeat: str, shape: tuple[int, int]
+    ) -> Floats:
+        """Compute k_e of a packed base image, averaged over the orbits, times that of a guide and all its
+        images; a read-only array for all layers.
+        """
         brightness = None if not base else cls.base_on_elements(unpack_base(base), shape)
-        nominal = symmetry(repeat, shape).mean(nominal_conductivity(brightness, strength, shape, law))
+        orbits = symmetry(repeat, shape)
+        nominal = orbits.mean(nominal_conductivity(brightness, strength, shape, law))
+        if guide:
+            along = orbits.largest(cls.base_on_elements(unpack_base(guide), shape).astype(np.float64))
+            nominal = nominal * BESIDE_GUIDE ** (1.0 - np.clip(along, 0.0, 1.0))
         nominal.flags.writeable = False
         return nominal
 
@@ -105,13 +152,31 @@ class LayerProblem:
 
     @staticmethod
     def loads(
-        layer: LayerRecipe, orbits: Symmetry, nominal: Floats, sources: Floats, sinks: Floats
+        layer: LayerRecipe,
+        orbits: Symmetry,
+        nominal: Floats,
+        domain: Mask | None,
+        sources: Floats,
+        sinks: Floats,
     ) -> tuple[Floats, Floats]:
         """Compute the heat load, of sum 1, and the convection, both averaged over the orbits.
 
-        Ambient heat is distributed in proportion to the nominal conductivity.
+        Ambient heat is distributed in proportion to the nominal conductivity. No heat enters or leaves beyond
+        the domain.
+
+        Raises
+        ------
+        OptionError
+            When all sources, or all sinks, lie beyond it.
         """
-        heat = (1.0 - layer.ambient) * sources + layer.ambient * nominal / nominal.sum()
+        everywhere = nominal
+        if domain is not None:
+            sources, sinks = (
+                _inside(field, orbits, domain, name)
+                for field, name in ((sources, "sources"), (sinks, "sinks"))
+            )
+            everywhere = nominal * domain
+        heat = (1.0 - layer.ambient) * sources + layer.ambient * everywhere / everywhere.sum()
         return orbits.mean(heat), orbits.mean(_CONVECTION * sinks)
 
     def conductivity(self, density: Floats, penalty: Floats | float) -> Floats:
@@ -220,6 +285,25 @@ def _spots(points: tuple[Point, ...], shape: tuple[int, int], repeat: str) -> Fl
         field += spot * (strength / spot.sum())
     total = field.sum()
     return field / total if total > 0 else field
+
+
+def _inside(field: Floats, orbits: Symmetry, domain: Mask, name: str) -> Floats:
+    """Return the spots of a field, with their images, that lie inside of a domain, with the sum 1.
+
+    Raises
+    ------
+    OptionError
+        When there were some, and none is left.
+    """
+    kept = orbits.mean(field) * domain
+    total = float(kept.sum())
+    if total <= 0 < field.sum():
+        raise OptionError(
+            "all {parameter} lie beyond the outline, where their layer has no ink; move one inside",
+            kind="outside",
+            parameter=Term(name),
+        )
+    return kept / total if total > 0 else kept
 
 
 def _copies(repeat: str) -> list[tuple[int, int]]:

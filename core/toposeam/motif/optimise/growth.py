@@ -24,6 +24,8 @@ from toposeam.motif.optimise.conduction import MIN_DENSITY, LayerProblem
 from toposeam.motif.optimise.layer import (
     MIN_COARSE_SIDE,
     advance,
+    first_density,
+    on_outline,
     problem_at,
     refine_density,
     refine_temperature,
@@ -124,7 +126,7 @@ def _checked(density: Any) -> Floats:
 def _grown(
     recipe: Recipe, shapes: list[tuple[int, int]], start: list[Floats], kept: float
 ) -> Iterator[Growth]:
-    alone = [recipe.of_layer(index) for index in range(len(recipe.layers))]
+    alone = [on_outline(recipe.of_layer(index)) for index in range(len(recipe.layers))]
     warm = [index < len(start) and own.iterations >= sum(_COUNTS) for index, own in enumerate(alone)]
     plans = [_plan(own, len(shapes), begun) for own, begun in zip(alone, warm, strict=True)]
     longest = [max(counts) for counts in zip(*plans, strict=True)]
@@ -151,7 +153,7 @@ def _step(layers: list[_Layer], left: int) -> None:
     for each in layers:
         own = each.recipe.layers[0]
         if taken is not None and own.avoid:
-            free = each.problem.left_free(own, each.recipe, each.recipe.size, taken)
+            free = each.problem.left_free(own, each.recipe, each.recipe.size, taken, each.problem.domain)
             each.problem = replace(each.problem, upper=free)
             each.density = np.minimum(each.density, free)
         if each.left >= left:
@@ -182,7 +184,7 @@ def _on_plate(
     elif start is not None:
         density = _begun(start, problem, layer.mass, kept)
     else:
-        density = np.full(shape, layer.mass)
+        density = first_density(problem, layer.mass)
     return _Layer(own, problem, density, temperature, count)
 
 

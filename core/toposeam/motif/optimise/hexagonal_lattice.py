@@ -39,12 +39,11 @@ class HexagonalProblem(LayerProblem):
     ) -> LayerProblem:
         """Return the layer of a recipe on a cell of the given shape; `taken` is the ink before it."""
         orbits = symmetry(recipe.repeat, shape)
-        nominal = cls.nominal_of(recipe.base, recipe.base_strength, recipe.base_law, recipe.repeat, shape)
-        plate = TrianglePlate(
-            *cls.loads(layer, orbits, nominal, _spots(layer.sources, shape), _spots(layer.sinks, shape))
-        )
-        radius, free = filter_radius(recipe, shape), cls.left_free(layer, recipe, shape, taken)
-        return cls(plate, _at_triangles(nominal), orbits, recipe.repeat, radius, void_of(layer), free)
+        nominal, domain = cls.nominal_of(recipe, shape), cls.domain_of(layer, recipe, shape)
+        spots = (_spots(points, shape) for points in (layer.sources, layer.sinks))
+        plate = TrianglePlate(*cls.loads(layer, orbits, nominal, domain, *spots))
+        radius, free = filter_radius(recipe, shape), cls.left_free(layer, recipe, shape, taken, domain)
+        return cls(plate, _at_triangles(nominal), orbits, recipe.repeat, radius, void_of(layer), free, domain)
 
     @staticmethod
     def reduced(density: Floats, repeat: str, shape: tuple[int, int]) -> Floats:
@@ -76,9 +75,15 @@ class HexagonalProblem(LayerProblem):
 
     def refine(self, density: Floats, shape: tuple[int, int]) -> Floats:
         """Interpolate the densities on a lattice with twice as many nodes along each side."""
-        v, u = np.meshgrid(np.arange(shape[0]) / 2, np.arange(shape[1]) / 2, indexing="ij")
-        fine: Floats = map_coordinates(density, [v, u], order=3, mode="grid-wrap")
-        return fine
+        return refined(density, shape)
+
+
+def refined(nodes: npt.NDArray[np.floating], shape: tuple[int, int]) -> Floats:
+    """Interpolate a lattice on another number of nodes along each side."""
+    rows, columns = (np.arange(many) * (side / many) for many, side in zip(shape, nodes.shape, strict=True))
+    v, u = np.meshgrid(rows, columns, indexing="ij")
+    fine: Floats = map_coordinates(nodes, [v, u], order=3, mode="grid-wrap")
+    return fine
 
 
 def _at_triangles(nodes: Floats) -> Floats:

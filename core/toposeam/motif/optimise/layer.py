@@ -7,12 +7,13 @@ iterations run on plates of a quarter and half the size, and the densities are i
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.arrays import Floats
+from toposeam.arrays import Floats, Mask
+from toposeam.errors import OptionError, Term
 from toposeam.motif.optimise.conduction import MIN_DENSITY, LayerProblem, filter_radius
 from toposeam.motif.optimise.hexagonal_lattice import HexagonalProblem
 from toposeam.motif.recipe.recipe import LayerRecipe, Recipe
@@ -56,6 +57,15 @@ class Step:
     mass: float
     #: Iterations of the solver.
     solver: int
+
+
+def balanced_axes(problem: LayerProblem) -> tuple[int, ...]:
+    """Return the axes along which rows, or columns, can be balanced: where all lie on the domain alike."""
+    if problem.domain is None:
+        return (0, 1)
+    if problem.repeat in HEXAGONAL:
+        return ()
+    return tuple(axis for axis in (0, 1) if np.ptp(problem.domain.sum(axis=1 - axis)) == 0)
 
 
 def plan(recipe: Recipe) -> list[tuple[tuple[int, int], int]]:
@@ -120,7 +130,9 @@ def optimise_layer(
     for shape, count in plan(recipe):
         problem = problem_at(layer, recipe, shape, taken)
         density = (
-            np.full(shape, layer.mass) if density is None else refine_density(density, problem, layer.mass)
+            first_density(problem, layer.mass)
+            if density is None
+            else refine_density(density, problem, layer.mass)
         )
         if temperature is not None:
             temperature = refine_temperature(temperature, shape)
@@ -172,9 +184,50 @@ def advance(
             np.minimum(density + recipe.move, problem.upper),
         )
         proposed = mirrors(recipe.repeat, problem.symmetry.shape).balance(
-            proposed, layer.mass, lowest, highest, wash=layer.edge != "crisp"
+            proposed, layer.mass, lowest, highest, wash=layer.edge != "crisp", axes=balanced_axes(problem)
         )
     return proposed, state.nodes, step
+
+
+def outline_on_cell(outline: str, place: str, repeat: str, shape: tuple[int, int]) -> Mask:
+    """Return the elements, or nodes, that lie inside or outside of a packed outline, (h, w)."""
+    kind = HexagonalProblem if repeat in HEXAGONAL else LayerProblem
+    inside = kind.outline_of(outline, repeat, shape)
+    return inside if place == "inside" else ~inside
+
+
+def on_outline(own: Recipe) -> Recipe:
+    """Return the recipe of one layer with its mass as the mean on the whole cell, not only on its domain.
+
+    Raises
+    ------
+    OptionError
+        Where nothing is left of the cell.
+    """
+    layer = own.layers[0]
+    if layer.place == "everywhere":
+        return own
+    domain = problem_at(layer, own, own.size).domain
+    assert domain is not None  # noqa: S101
+    share = float(domain.mean())
+    if not share:
+        raise OptionError(
+            "by {repeat} the outline covers the whole cell, so that nothing lies {place} of it; take a "
+            "smaller one, or another rule",
+            kind="empty",
+            parameter=Term("outline"),
+            repeat=own.repeat,
+            place=layer.place,
+        )
+    return replace(own, layers=(replace(layer, mass=layer.mass * share),))
+
+
+def first_density(problem: LayerProblem, mass: float) -> Floats:
+    """Return the even density of a mean `mass`, on the layer's domain only."""
+    shape = problem.symmetry.shape
+    if problem.domain is None:
+        return np.full(shape, mass)
+    return np.where(problem.domain, min(mass / problem.domain.mean(), 1.0), MIN_DENSITY)
 
 
 def update(
@@ -211,6 +264,7 @@ def refine_temperature(nodes: Floats, shape: tuple[int, int]) -> Floats:
 def refine_density(density: Floats, problem: LayerProblem, mass: float) -> Floats:
     """Interpolate a coarser plate's densities on a finer one, with the given mass."""
     fine = problem.symmetry.mean(problem.refine(density, problem.plate.shape))
-    fine = np.clip(fine, MIN_DENSITY, 1.0)
-    scaled: Floats = np.clip(fine * (mass / fine.mean()), MIN_DENSITY, 1.0)
+    most = 1.0 if problem.domain is None else np.where(problem.domain, 1.0, MIN_DENSITY)
+    fine = np.clip(fine, MIN_DENSITY, most)
+    scaled: Floats = np.clip(fine * (mass / fine.mean()), MIN_DENSITY, most)
     return scaled

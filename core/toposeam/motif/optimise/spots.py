@@ -6,7 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
+from scipy import ndimage
 
+from toposeam.arrays import Mask
 from toposeam.errors import OptionError, Term
 from toposeam.motif.recipe.recipe import Point
 from toposeam.motif.symmetry.rules import move_onto_axes
@@ -39,10 +41,12 @@ def spots(
     name: str,
     repeat: str,
     shown: npt.NDArray[np.float64] | None,
+    inside: Mask | None = None,
 ) -> tuple[Point, ...]:
     """Return a layer's sources or sinks: those given, or `drawn` random ones with random strengths.
 
-    Half of the random ones lie on the axes of the repetition, where it has any.
+    Half of the random ones lie on the axes of the repetition, where it has any. All of them lie `inside`, if
+    it is given.
 
     Raises
     ------
@@ -65,10 +69,12 @@ def spots(
                 value=count,
                 most=_MAX_POINTS,
             )
-        places = _random_places(int(count), rng, aspect, shown)
+        places = _random_places(int(count), rng, aspect, shown, inside)
         powers = rng.uniform(*strengths, int(count))
         for index in range((int(count) + 1) // 2):
-            places[index] = move_onto_axes(places[index], repeat, rng)
+            moved = move_onto_axes(places[index], repeat, rng)
+            if inside is None or lies_in(inside, moved):
+                places[index] = moved
         return tuple((float(x), float(y), float(s)) for (x, y), s in zip(places, powers, strict=True))
     try:
         array = np.asarray(count).astype(np.float64, casting="same_kind")
@@ -88,15 +94,28 @@ def spots(
 
 
 def _random_places(
-    count: int, rng: np.random.Generator, aspect: float, shown: npt.NDArray[np.float64] | None
+    count: int,
+    rng: np.random.Generator,
+    aspect: float,
+    shown: npt.NDArray[np.float64] | None,
+    inside: Mask | None = None,
 ) -> npt.NDArray[np.float64]:
     """Draw places that keep a distance, also across the border, and avoid blocked parts of a base image."""
     places: list[npt.NDArray[np.float64]] = []
     margin = _MARGIN if count < _MANY else 0.0
+    if inside is not None:
+        margin = 0.0
+        size = np.array([inside.shape[1], inside.shape[0]])
+        deep = ndimage.binary_erosion(
+            inside, iterations=round(_MARGIN / 3 * min(inside.shape)), border_value=1
+        )
+        free = np.argwhere(deep if deep.any() else inside)[:, ::-1]
     apart = _MIN_DISTANCE * np.sqrt(aspect / count)
     for _ in range(count):
         for attempt in range(30):
             place = rng.uniform(margin, 1 - margin, 2)
+            if inside is not None:
+                place = (free[int(place[0] * len(free))] + 0.5) / size
             gaps = [np.abs(place - other) for other in places]
             wrapped = [np.hypot(min(g[0], 1 - g[0]) * aspect, min(g[1], 1 - g[1])) for g in gaps]
             if (
@@ -108,6 +127,26 @@ def _random_places(
                 break
         places.append(place)
     return np.array(places)
+
+
+def lies_in(inside: Mask, place: npt.ArrayLike) -> bool:
+    """Test whether a place, (x, y) in [0, 1], lies in a mask."""
+    x, y = np.asarray(place)[:2]
+    rows, columns = inside.shape
+    return bool(inside[min(int(y * rows), rows - 1), min(int(x * columns), columns - 1)])
+
+
+def inside_only(points: tuple[Point, ...], inside: Mask | None) -> tuple[Point, ...]:
+    """Return the points that lie in a mask, if there is one; if none does, one of them, moved there."""
+    if inside is None:
+        return points
+    kept = tuple(point for point in points if lies_in(inside, point))
+    if kept or not points:
+        return kept
+    free = (np.argwhere(inside)[:, ::-1] + 0.5) / np.array([inside.shape[1], inside.shape[0]])
+    x, y, strength = points[0]
+    x, y = free[np.argmin(np.square(free - [x, y]).sum(axis=1))].tolist()
+    return ((x, y, strength),)
 
 
 def lay_spots(

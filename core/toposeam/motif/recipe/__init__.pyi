@@ -1,10 +1,13 @@
-from .recipe import LAWS, MAX_SIDE, MIN_SIDE, LayerRecipe, Point, Recipe, pack_base, unpack_base
+from .composition import OUTLINES, pack_guide, pack_outline, places_in_drawing, places_in_picture
+from .recipe import LAWS, MAX_SIDE, MIN_SIDE, PLACES, LayerRecipe, Point, Recipe, pack_base, unpack_base
 from .styles import STYLES, Style, draw_rule, styles_of
 
 __all__ = [
     "LAWS",
     "MAX_SIDE",
     "MIN_SIDE",
+    "OUTLINES",
+    "PLACES",
     "STYLES",
     "LayerRecipe",
     "Point",
@@ -12,6 +15,10 @@ __all__ = [
     "Style",
     "draw_rule",
     "pack_base",
+    "pack_guide",
+    "pack_outline",
+    "places_in_drawing",
+    "places_in_picture",
     "styles_of",
     "unpack_base",
 ]

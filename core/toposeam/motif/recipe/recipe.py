@@ -14,14 +14,14 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.checks import check_choice, check_number, check_pair, check_range, check_whole
+from toposeam.checks import check_choice, check_kind, check_number, check_pair, check_range, check_whole
 from toposeam.colours import LUMA
 from toposeam.errors import OptionError, Term
 from toposeam.images import as_float, in_dtype
 from toposeam.motif.ink.mixing import INKINGS
 from toposeam.motif.ink.stroke_edges import EDGES
 from toposeam.motif.recipe.styles import STYLES
-from toposeam.motif.symmetry.rules import check_repeat
+from toposeam.motif.symmetry.rules import check_repeat, fits_twice
 
 #: x and y in [0, 1] of the cell, and a strength.
 Point = tuple[float, float, float]
@@ -31,11 +31,34 @@ MIN_SIDE, MAX_SIDE = 8, 8192
 #: Laws by which a base image's brightness becomes conductivity: a geometric fall from its brightest part, or
 #: proportionality, as in the thesis.
 LAWS = ("contrast", "brightness")
+#: Where a layer lies: on the whole cell, or only inside or outside of the recipe's outline.
+PLACES = ("everywhere", "inside", "outside")
+#: Longer side of a stored base image, and of any stored picture, px at most, to keep recipes small.
+_MAX_BASE_SIDE, MAX_PACKED_SIDE = 256, 512
+#: Least side of a copy of a layer, in elements, and the number by which sides of copies divide: so rules fit.
+_MIN_COPY, _COPY_GRAIN = 16, 8
+#: What may be one piece: nothing need be, what is inked, or what is left of the sheet (a stencil).
+ONE_PIECE = ("", "ink", "paper")
 Kind = TypeVar("Kind")
 #: Entries of a layer that older recipes lack, and what they are without.
-_LATER = {"style": "vein", "avoid": 0.0, "iterations": None, "filter_radius": None}
-#: Longer side of a stored base image, px at most, to keep recipes small.
-_MAX_BASE_SIDE = 256
+_LATER = {
+    "style": "vein",
+    "avoid": 0.0,
+    "iterations": None,
+    "filter_radius": None,
+    "place": "everywhere",
+    "scale": 1,
+}
+#: The same of a recipe.
+_LATER_OF_RECIPE = {
+    "inking": INKINGS[0],
+    "outline": "",
+    "guide": "",
+    "knock_out": False,
+    "trap": 0.0,
+    "one_piece": "",
+    "bridge": 2.0,
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,6 +99,11 @@ class LayerRecipe:
     #: Iterations and filter radius of this layer; None for the recipe's.
     iterations: int | None = None
     filter_radius: float | None = None
+    #: Where it lies, one of `PLACES`: everywhere, or inside or outside of the recipe's outline.
+    place: str = "everywhere"
+    #: Number of copies along each side of the cell: with 3, the layer repeats nine times in the cell, by the
+    #: same rule. Its sources and sinks are given in one of the copies.
+    scale: int = 1
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "ink", _numbers(self.ink, 3, "ink"))
@@ -104,6 +132,8 @@ class LayerRecipe:
             check_whole("iterations", self.iterations, 1, 10_000)
         if self.filter_radius is not None:
             check_range(0, 10, filter_radius=self.filter_radius)
+        check_choice("place", self.place, PLACES)
+        check_whole("scale", self.scale, 1, 32)
         if not isinstance(self.name, str) or len(self.name) > 100 or not self.name.isprintable():
             raise OptionError(
                 "the ink's name is {given}; use {allowed}",
@@ -188,6 +218,20 @@ class Recipe:
     base_law: str = "contrast"
     #: Kind of the inks, one of `INKINGS`: opaque ones cover what lies below, also on dark paper.
     inking: str = "transparent"
+    #: A shape, packed by `pack_outline`: layers lie where their `place` says. Empty for none.
+    outline: str = ""
+    #: Lines along which heat flows more easily, packed by `pack_guide`, so that strokes follow them.
+    guide: str = ""
+    #: Knock the inks out: where a later layer has strokes, those before it are left out.
+    knock_out: bool = False
+    #: How far inks reach under those that knock them out, in hundredths of the cell's shorter side, -5 to 5,
+    #: so that no paper shows where plates are not in register; below 0 they end before, and paper shows.
+    trap: float = 0.0
+    #: What is made one piece, one of `ONE_PIECE`: "ink" for a cut-out, "paper" for a stencil. See
+    #: :mod:`toposeam.motif.ink.one_piece`.
+    one_piece: str = ""
+    #: Least width of that piece, in hundredths of the cell's shorter side, 0.5 to 20.
+    bridge: float = 2.0
 
     def __repr__(self) -> str:
         rows, columns = self.size
@@ -220,6 +264,16 @@ class Recipe:
         check_range(-1, 1, base_strength=self.base_strength)
         check_choice("base_law", self.base_law, LAWS)
         check_choice("inking", self.inking, INKINGS)
+        check_range(-5, 5, trap=self.trap)
+        check_choice("one_piece", self.one_piece, ONE_PIECE)
+        check_range(0.5, 20, bridge=self.bridge)  # hundredths of the cell
+        check_kind("knock_out", self.knock_out, bool, "True or False")
+        for name in ("outline", "guide"):
+            text = getattr(self, name)
+            check_kind(name, text, str, "the text of a packed picture, or empty")
+            if text:
+                unpack_base(text)
+        self._check_composition()
         if not isinstance(self.coarse, bool) or not isinstance(self.base, str):
             name = "base" if isinstance(self.coarse, bool) else "coarse"
             raise OptionError(
@@ -231,11 +285,51 @@ class Recipe:
         if self.base:
             unpack_base(self.base)
 
+    def _check_composition(self) -> None:
+        """Refuse places without an outline, and scales that do not fit the size or the rule."""
+        for layer in self.layers:
+            if layer.place != "everywhere" and not self.outline:
+                raise OptionError(
+                    "a layer lies {place} of an outline, and there is none; give {outline}, or let it lie "
+                    "everywhere",
+                    kind="no outline",
+                    parameter=Term("place"),
+                    place=layer.place,
+                    outline=Term("outline"),
+                )
+            many = layer.scale
+            if many > 1:
+                if min(self.size) < many * _MIN_COPY:
+                    raise OptionError(
+                        "{parameter} is {value}, too many copies for a cell of {columns} × {rows} elements; "
+                        "each needs {least} at least",
+                        kind="size",
+                        parameter=Term("scale"),
+                        value=many,
+                        rows=self.size[0],
+                        columns=self.size[1],
+                        least=_MIN_COPY,
+                    )
+                if many % 2 == 0 and not fits_twice(self.repeat):
+                    raise OptionError(
+                        "{parameter} is {value}; by {repeat} only odd numbers of copies repeat, use {next}",
+                        kind="scale for rule",
+                        parameter=Term("scale"),
+                        value=many,
+                        repeat=self.repeat,
+                        next=many + 1,
+                    )
+
     def of_layer(self, index: int) -> Recipe:
-        """Return the recipe of one layer alone, with its own iterations and filter."""
+        """Return the recipe of one layer alone, with its own iterations and filter, on one of its copies."""
         layer = self.layers[index]
-        own = {"iterations": layer.iterations, "filter_radius": layer.filter_radius}
+        own: dict[str, Any] = {"iterations": layer.iterations, "filter_radius": layer.filter_radius}
         changed: dict[str, Any] = {name: value for name, value in own.items() if value is not None}
+        if layer.scale > 1:  # copies of a cell that does not join itself would not join each other
+            many, rule = layer.scale, "translate" if self.repeat == "none" else self.repeat
+            layer = dataclasses.replace(layer, scale=1, place="everywhere", avoid=0.0)
+            size = tuple(max(_MIN_COPY, _COPY_GRAIN * round(side / many / _COPY_GRAIN)) for side in self.size)
+            changed |= {"size": size, "repeat": rule, "guide": ""}
         if layer.style == "thesis":
             changed["coarse"] = False
         return dataclasses.replace(self, layers=(layer,), **changed)
@@ -250,9 +344,8 @@ class Recipe:
             {name: _plain(value) for name, value in layer.items() if _LATER.get(name, ...) != value}
             for layer in record["layers"]
         ]
-        if self.inking == INKINGS[0]:
-            del record["inking"]
-        return {name: _plain(value) for name, value in record.items()}
+        kept = (name for name, value in record.items() if _LATER_OF_RECIPE.get(name, ...) != value)
+        return {name: _plain(record[name]) for name in kept}
 
     @classmethod
     def from_dict(cls, record: Mapping[str, Any]) -> Recipe:
@@ -329,7 +422,12 @@ def pack_base(image: npt.ArrayLike) -> str:
         alpha = np.clip(array[..., -1:], 0.0, 1.0)
         array = array[..., :-1] * alpha + (1.0 - alpha)
     gray = array @ LUMA.astype(np.float32) if array.shape[2] == 3 else array.mean(axis=2)
-    step = max(1.0, max(gray.shape) / _MAX_BASE_SIDE)
+    return pack(gray, _MAX_BASE_SIDE)
+
+
+def pack(gray: npt.NDArray[np.floating], side: int) -> str:
+    """Pack an (h, w) brightness in [0, 1], with at most `side` px along the longer side, 8 bits each."""
+    step = max(1.0, max(gray.shape) / side)
     if step > 1:
         from toposeam.motif.ink.sampling import resample
 
@@ -354,13 +452,13 @@ def unpack_base(text: str) -> npt.NDArray[np.float32]:
     try:
         shape, _, data = text.partition(":")
         rows, columns = (int(side) for side in shape.split("x"))
-        if not (0 < rows <= _MAX_BASE_SIDE and 0 < columns <= _MAX_BASE_SIDE):
+        if not (0 < rows <= MAX_PACKED_SIDE and 0 < columns <= MAX_PACKED_SIDE):
             raise ValueError("size")
         raw = zlib.decompressobj().decompress(base64.b85decode(data), rows * columns + 1)
         return np.frombuffer(raw, np.uint8).reshape(rows, columns).astype(np.float32) / np.float32(255)
     except (ValueError, zlib.error, binascii.Error) as error:
         raise OptionError(
-            "the recipe's base image is damaged; give the picture again",
+            "a picture in the recipe is damaged; give it again",
             kind="unreadable",
             parameter=Term("base"),
             value=text,

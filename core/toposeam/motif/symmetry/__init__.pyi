@@ -1,8 +1,10 @@
 from .borders import (
     BESIDE_STROKES,
     FADE,
+    border_edges,
     border_visibility,
     compared_distance,
+    edge_visibility,
     fade_to_mean,
     line_visibility,
     restore_mass,
@@ -15,12 +17,13 @@ from .rules import (
     REPEATS,
     Symmetry,
     check_repeat,
+    fits_twice,
     joint,
     move_onto_axes,
     operations,
     symmetry,
 )
-from .tiling import extend, period, shift_of, tile
+from .tiling import Placed, Scalar, copy_at, extend, lines_of_copies, period, shift_of, tile
 
 __all__ = [
     "BESIDE_STROKES",
@@ -30,14 +33,21 @@ __all__ = [
     "HEXAGONAL",
     "REPEATS",
     "Mirrors",
+    "Placed",
+    "Scalar",
     "Symmetry",
+    "border_edges",
     "border_visibility",
     "check_repeat",
     "compared_distance",
+    "copy_at",
+    "edge_visibility",
     "extend",
     "fade_to_mean",
+    "fits_twice",
     "joint",
     "line_visibility",
+    "lines_of_copies",
     "move_onto_axes",
     "operations",
     "period",

@@ -18,15 +18,21 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
+from scipy.ndimage import gaussian_filter, uniform_filter1d
 
-from toposeam.arrays import Floats
+from toposeam.arrays import Floats, Floats32
 from toposeam.checks import check_pair
 from toposeam.colours import LUMA
 from toposeam.errors import ImageError, Term
 from toposeam.images import as_float
+from toposeam.motif.symmetry.rules import symmetry
+from toposeam.motif.symmetry.tiling import extend
 
 #: Distance r of the rows compared, as a share of the cell's side, and its least value, px.
 _COMPARED_DISTANCE, _MIN_COMPARED_PX = 0.03, 2
+#: Distance of the rows between which brightness bends at an edge, and the length along which the bend is
+#: averaged, as shares of the cell's side.
+_BEND, _ALONG = 0.015, 1 / 6
 #: Range of the powers to which densities may be raised to restore the mass.
 _POWERS = (0.6, 4.0)
 #: Distance from the border at which densities begin to change for the mass, and the width over which the
@@ -34,7 +40,9 @@ _POWERS = (0.6, 4.0)
 _UNCHANGED_BORDER, _TRANSITION = 0.08, 0.07
 #: Width over which wash fades into the mean of all motifs, as a share of the cell's side; the second one if
 #: some of the motifs have strokes.
-FADE, BESIDE_STROKES = 0.07, 0.2
+FADE, BESIDE_STROKES = 0.14, 0.2
+#: Standard deviation of that mean's blur, as a share of the cell's side.
+_MEAN_BLUR = 0.025
 
 
 def border_visibility(pattern: npt.ArrayLike, cell: tuple[int, int]) -> float:
@@ -64,6 +72,17 @@ def border_visibility(pattern: npt.ArrayLike, cell: tuple[int, int]) -> float:
     >>> border_visibility(field, (32, 32)) > 2
     True
     """
+    luminance, (rows, columns) = _luminance(pattern, cell)
+    return max(line_visibility(luminance, rows), line_visibility(luminance.T, columns))
+
+
+def _luminance(pattern: npt.ArrayLike, cell: tuple[int, int]) -> tuple[Floats32, tuple[int, int]]:
+    """Return the brightness of a pattern, and the size of its cells, checked.
+
+    Raises
+    ------
+    ImageError
+    """
     values = as_float(pattern)
     rows, columns = check_pair("cell", cell, 8)
     if values.shape[0] % rows or values.shape[1] % columns:
@@ -78,8 +97,8 @@ def border_visibility(pattern: npt.ArrayLike, cell: tuple[int, int]) -> float:
             rows=rows,
             columns=columns,
         )
-    luminance = values[..., 0] if values.shape[2] < 3 else values[..., :3] @ LUMA
-    return max(line_visibility(luminance, rows), line_visibility(luminance.T, columns))
+    luminance = values[..., 0] if values.shape[2] < 3 else values[..., :3] @ LUMA.astype(np.float32)
+    return luminance.astype(np.float32, copy=False), (rows, columns)
 
 
 def compared_distance(side: int) -> int:
@@ -92,31 +111,89 @@ def line_visibility(values: npt.NDArray[np.floating], side: int) -> float:
     mean = values.mean(axis=1, dtype=np.float64)
     reach = compared_distance(side)
     contrast = np.abs(mean - (np.roll(mean, reach) + np.roll(mean, -reach)) / 2)
+    return _border_share(contrast, side)
+
+
+def _border_share(contrast: Floats, side: int) -> float:
+    """Return the largest value of the lines on borders, divided by the 95th percentile of all others."""
     line = np.maximum(contrast, np.roll(contrast, 1))  # between row y - 1 and row y
     border = np.arange(len(line)) % side == 0
     inside = float(np.percentile(line[~border], 95))
     return float(line[border].max()) / inside if inside > 1e-9 else 0.0
 
 
-def fade_to_mean(densities: Floats, shared: int, share: float = FADE) -> Floats:
-    """Fade the densities of motifs into the mean of all towards the border.
+def border_edges(pattern: npt.ArrayLike, cell: tuple[int, int]) -> float:
+    """Compute the visibility of straight edges along the borders between a pattern's cells.
+
+    An edge may be pale here and dark there, so that the mean of its row is that of others and
+    :func:`border_visibility` does not see it. So the bend of brightness across a row, between rows
+    `_BEND` of the cell apart, is averaged along a sixth of a cell only; the line's value is the root mean
+    square of that, divided by the 95th percentile on all other lines.
+
+    Parameters
+    ----------
+    pattern, cell
+        As of :func:`border_visibility`.
+
+    Returns
+    -------
+    float
+        The larger value of both directions.
+
+    Raises
+    ------
+    ImageError
+
+    Examples
+    --------
+    >>> field = np.random.default_rng(0).random((96, 96))
+    >>> field[::32, :48] += 1
+    >>> field[::32, 48:] -= 1
+    >>> border_edges(field, (32, 32)) > 1.2
+    True
+    """
+    luminance, (rows, columns) = _luminance(pattern, cell)
+    return max(edge_visibility(luminance, rows), edge_visibility(luminance.T, columns))
+
+
+def edge_visibility(values: npt.NDArray[np.floating], side: int) -> float:
+    """Compute `border_edges` for the borders between rows of cells only, of an (H, W) brightness."""
+    reach = max(1, round(_BEND * side))
+    bend = 2 * values - np.roll(values, reach, 0) - np.roll(values, -reach, 0)
+    bend = uniform_filter1d(bend, max(3, round(_ALONG * side)), axis=1, mode="wrap")
+    return _border_share(np.sqrt(np.square(bend, dtype=np.float64).mean(axis=1)), side)
+
+
+def fade_to_mean(densities: Floats, repeat: str, shared: int = 0, share: float = FADE) -> Floats:
+    """Fade the densities of motifs into the mean of all towards the border, where that is blurred: so no
+    border has an edge, whichever motifs meet there. Images of the border inside of the cell are faded, too.
 
     Parameters
     ----------
     densities : (N, h, w) float array
+    repeat : str
+        The rule by which all of them repeat.
     shared : int
-        Number of rows and columns along the border that become the mean itself.
+        Number of rows and columns along the border that become the mean itself, which is not blurred then, as
+        strokes have it, too.
     share : float
         Width of the transition, as a share of the cell's shorter side.
     """
     height, width = densities.shape[1:]
-    reach = max(share * min(height, width), 1.0)
+    side = min(height, width)
+    reach, sigma = max(share * side, 1.0), _MEAN_BLUR * side
+    margin = int(np.ceil(4 * sigma))
+    mean = densities.mean(axis=0)
+    if not shared:
+        mean = gaussian_filter(extend(mean, repeat, margin), sigma, mode="nearest")
+        mean = mean[margin : margin + height, margin : margin + width]
     depth = [
-        (np.minimum(np.arange(side), np.arange(side)[::-1]) + 1 - shared) / reach for side in (height, width)
+        (np.minimum(np.arange(long), np.arange(long)[::-1]) + min(shared, 1) - shared) / reach
+        for long in (height, width)
     ]
-    share = np.clip(1.0 - np.minimum(depth[0][:, np.newaxis], depth[1][np.newaxis]), 0.0, 1.0)
-    share = share**2 * (3 - 2 * share)
-    result: Floats = (1 - share) * densities + share * densities.mean(axis=0)
+    near = np.clip(1.0 - np.minimum(depth[0][:, np.newaxis], depth[1][np.newaxis]), 0.0, 1.0)
+    near = symmetry(repeat, (height, width)).largest(near**2 * (3 - 2 * near))
+    result: Floats = (1 - near) * densities + near * mean
     return result
 
 

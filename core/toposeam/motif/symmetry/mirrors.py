@@ -100,24 +100,35 @@ class Mirrors:
         self.any = any(self._lines)
 
     def balance(
-        self, density: Floats, mass: float, lowest: Floats, highest: Floats, *, wash: bool = False
+        self,
+        density: Floats,
+        mass: float,
+        lowest: Floats,
+        highest: Floats,
+        *,
+        wash: bool = False,
+        axes: tuple[int, ...] = (0, 1),
     ) -> Floats:
         """Balance a design: as much mass on mirrors as beside them, and the given mass as a whole.
 
         Both hold as far as the bounds allow. Strokes are balanced in each row of the band. Wash is balanced
         in the band as a whole, except along the borders of `reflect`.
+
+        Only rows are balanced with `axes` (0,), only columns with (1,).
         """
-        if not self.any:
+        if not self.any or not axes:
             return density
         for _ in range(_PASSES):
-            density = np.clip(self._balance_once(density, wash), lowest, highest)
+            density = np.clip(self._balance_once(density, wash, axes), lowest, highest)
             density = np.clip(density * (mass / density.mean()), lowest, highest)
         return self.symmetry.mean(density)
 
-    def _balance_once(self, density: Floats, wash: bool) -> Floats:
+    def _balance_once(self, density: Floats, wash: bool, axes: tuple[int, ...]) -> Floats:
         rows = self._log_factors(0, density.mean(axis=1), wash)[:, np.newaxis]
         if self._columns is None:
-            levelled: Floats = density * np.exp(rows)
+            levelled: Floats = density * np.exp(rows) if 0 in axes else density.copy()
+            if 1 not in axes:
+                return levelled
             levelled *= np.exp(self._log_factors(1, levelled.mean(axis=0), wash))
             return levelled
         count = 2 * density.shape[1]

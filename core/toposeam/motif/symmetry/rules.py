@@ -114,6 +114,14 @@ def check_repeat(repeat: str, shape: tuple[int, int]) -> None:
         )
 
 
+def fits_twice(repeat: str) -> bool:
+    """Test whether an even number of copies of a cell along each side repeats by the same rule as the cell.
+
+    Odd numbers do for all rules. Of even ones, operations with half a cell's shift become others.
+    """
+    return repeat != "rotate" and not any(any(shift) for *_, shift in GENERATORS.get(repeat, ()))
+
+
 def joint(repeat: str) -> Joint | Shift:
     """Return how the plate's borders are joined for a rule."""
     shift = shift_of(repeat)
@@ -220,6 +228,14 @@ class Symmetry:
         if self.orbit is None:
             return field.ravel()
         return np.bincount(self.orbit, field.ravel(), len(self.count)).astype(np.float64, copy=False)
+
+    def largest(self, field: Floats) -> Floats:
+        """Return the maximum of a field over every orbit."""
+        if self.orbit is None:
+            return field
+        most = np.full(len(self.count), -np.inf)
+        np.maximum.at(most, self.orbit, field.ravel())
+        return self.spread(most)
 
     def spread(self, values: Floats) -> Floats:
         """Return an (h, w) field from one value per orbit."""

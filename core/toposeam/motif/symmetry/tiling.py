@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import re
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import TypeVar
 
@@ -54,6 +56,64 @@ def copy_at(cell: npt.NDArray[Scalar], repeat: str, row: int, column: int) -> np
         along = cell.shape[axis - 2]
         return np.roll(cell, round((row if axis == 1 else column) * share * along) % along, axis=axis - 2)
     return cell
+
+
+@dataclass(frozen=True, slots=True)
+class Placed:
+    """A copy of a cell: its points (x, y), in cells, lie at (`flip_x` x + `x`, `flip_y` y + `y`)."""
+
+    x: float = 0.0
+    y: float = 0.0
+    flip_x: int = 1
+    flip_y: int = 1
+
+    def after(self, first: Placed) -> Placed:
+        """Return the copy of a copy."""
+        return Placed(
+            self.flip_x * first.x + self.x,
+            self.flip_y * first.y + self.y,
+            self.flip_x * first.flip_x,
+            self.flip_y * first.flip_y,
+        )
+
+
+def lines_of_copies(repeat: str, counts: tuple[float, float]) -> tuple[list[Placed], list[Placed]]:
+    """Return the copies of a cell that make up a line of a pattern, and the copies of that line.
+
+    Lines are rows, or columns for ``drop``. The first copy and the first line are the cell itself, unchanged.
+
+    Parameters
+    ----------
+    repeat : str
+    counts : (rows, columns)
+        Size of the pattern, in cells; copies cover it, and may go on beyond it.
+
+    Examples
+    --------
+    >>> lines_of_copies("rotate", (1, 2))[0]
+    [Placed(x=0.0, y=0.0, flip_x=1, flip_y=1), Placed(x=2.0, y=1.0, flip_x=-1, flip_y=-1)]
+    """
+    rows, columns = (math.ceil(count) for count in counts)
+    shift = shift_of(repeat)
+    if shift is not None:
+        axis, share = shift
+        lines, along = (rows, columns) if axis == 1 else (columns, rows)
+        copies = [(float(place), 0.0) for place in range(along + (lines > 1))]
+        moved = [(float(line * share % 1) - (line * share % 1 > 0), float(line)) for line in range(lines)]
+        if axis == 1:
+            return [Placed(x, y) for x, y in copies], [Placed(x, y) for x, y in moved]
+        return [Placed(y, x) for x, y in copies], [Placed(y, x) for x, y in moved]
+    if repeat == "reflect":
+        return (
+            [Placed(float(x + x % 2), 0.0, -1 if x % 2 else 1, 1) for x in range(columns)],
+            [Placed(0.0, float(y + y % 2), 1, -1 if y % 2 else 1) for y in range(rows)],
+        )
+    if repeat == "rotate":  # every second row begins with the second copy of the first
+        turned = [
+            Placed(x + 1.0, 1.0, -1, -1) if x % 2 else Placed(float(x)) for x in range(columns + (rows > 1))
+        ]
+        return turned, [Placed(-float(y % 2), float(y)) for y in range(rows)]
+    return [Placed(float(x)) for x in range(columns)], [Placed(0.0, float(y)) for y in range(rows)]
 
 
 def tile(cell: npt.NDArray[Scalar], repeat: str, counts: tuple[int, int]) -> npt.NDArray[Scalar]:

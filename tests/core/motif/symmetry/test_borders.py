@@ -32,13 +32,33 @@ def test_plain_noise_exceeds_the_95th_percentile_at_its_rate():
     assert 3 <= sum(above) <= 20  # of 200 lines about ten; two lines a picture
 
 
-def test_fading_ends_in_the_mean_of_all_and_leaves_the_inside():
+def test_fading_ends_in_one_mean_and_leaves_the_inside():
     fields = np.stack([noise(1), noise(2)])
-    soft = fade_to_mean(fields, 2)
-    mean = fields.mean(axis=0)
-    for rows in (np.s_[:2], np.s_[-2:]):
-        np.testing.assert_array_equal(soft[:, rows], np.stack([mean[rows]] * 2))
+    soft = fade_to_mean(fields, "translate")
+    for rows in (np.s_[:1], np.s_[-1:]):
+        np.testing.assert_allclose(soft[0, rows], soft[1, rows])
     np.testing.assert_array_equal(soft[:, 20:60, 20:60], fields[:, 20:60, 20:60])
+
+
+@pytest.mark.parametrize("repeat", ["translate", "rotate", "p4m", "pgg"])
+def test_wash_that_joins_has_no_edges(repeat):
+    """With a narrow ring of equal densities instead, 1.2 to 2.0."""
+    recipes = [
+        ts.motif.random_recipe(48, seed=seed, style="rosette", layers=1, repeat=repeat, palette="sea")
+        for seed in (5, 6)
+    ]
+    laid = ts.motif.arrange(ts.motif.join_motifs(recipes).motifs, (4, 4), seed=1)
+    assert ts.motif.border_edges(laid.image(), (48, 48)) < 0.9
+
+
+def test_an_edge_of_even_mean_is_seen():
+    field = noise()
+    assert ts.motif.border_edges(field, (96, 96)) < 1
+    before = ts.motif.border_visibility(field, (96, 96))
+    field[0, :48] += 0.4
+    field[0, 48:] -= 0.4
+    assert ts.motif.border_edges(field, (96, 96)) > 1.5
+    assert ts.motif.border_visibility(field, (96, 96)) < 1.1 * before
 
 
 def test_mass_is_met_from_the_inside():

@@ -1,15 +1,24 @@
 """Pictures adjusted at once to the points that pairs of them share, all of which are made up here."""
 
 import dataclasses
+import itertools
 import math
 from functools import partial
+from unittest import mock
 
 import numpy as np
 import pytest
 from rendered import around, before_a_wall, corner_error
 
 from toposeam.layers.canvas import NOWHERE, PlaneTransform
-from toposeam.layers.registration import Match, adjust_cameras, adjust_plane, applied, left_over
+from toposeam.layers.registration import (
+    Match,
+    adjust_cameras,
+    adjust_plane,
+    applied,
+    bundle_adjustment,
+    left_over,
+)
 from toposeam.layers.registration.bundle_adjustment import _Points, _Problem, spanning_tree
 from toposeam.layers.registration.perspective import ModelFit, _explains, _fit_agreeing
 
@@ -208,13 +217,22 @@ def test_derivatives_are_those_of_finite_differences(family):
     unknowns[1] = -0.01 if rotation else 0.0
     free = np.flatnonzero(problem.free)
     unknowns[free] += np.random.default_rng(1).normal(0, 1e-3, len(free))
-    jacobian = problem.jacobian(unknowns).toarray()
-    assert jacobian.shape == (len(problem.residuals(unknowns)), len(free))
+    compact, residuals = problem.jacobian(unknowns), problem.residuals(unknowns)[:-1].reshape(-1, 2)
+    whole = np.zeros((*residuals.shape, len(unknowns)))
+    for pair, (start, end) in enumerate(itertools.pairwise(compact.starts)):
+        whole[start:end, :, compact.columns[pair]] = compact.values[start:end]
+    weights = np.random.default_rng(2).uniform(0, 1, residuals.shape)
+    normal = np.einsum("kai,ka,kaj->ij", whole, weights, whole)
+    assert compact.normal(weights, len(unknowns)) == pytest.approx(normal)
+    with mock.patch.object(bundle_adjustment, "_DENSE", 0):
+        assert compact.normal(weights, len(unknowns)).toarray() == pytest.approx(normal)
+    assert compact.slope(residuals, len(unknowns)) == pytest.approx(np.einsum("kai,ka->i", whole, residuals))
+    jacobian = whole.reshape(-1, len(unknowns))[:, free]
     assert len(free) == (2 + 2 * 3 if rotation else 2 * 8)
     for column, number in enumerate(free):
         step = np.zeros(len(unknowns))
         step[number] = 1e-5
-        slope = (problem.residuals(unknowns + step) - problem.residuals(unknowns - step)) / 2e-5
+        slope = (problem.residuals(unknowns + step) - problem.residuals(unknowns - step))[:-1] / 2e-5
         largest = np.abs(slope).max()
         assert largest > 0, number
         assert np.abs(jacobian[:, column] - slope).max() < 1e-4 * largest + 1e-6, number

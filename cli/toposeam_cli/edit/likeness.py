@@ -1,4 +1,8 @@
-"""How alike two pictures are along their seams, by squares, and the worst places."""
+"""How likely seams are to be seen, by squares, and the worst places.
+
+A square counts by the likeness of the two pictures, as soon as a seam runs there, or by the largest step of
+tone, hue or grain that the blended picture shows, if that is worse: see :mod:`toposeam.seam.result.verdict`.
+"""
 
 from __future__ import annotations
 
@@ -39,13 +43,18 @@ class SeamPlace:
 
 
 class LikenessMap:
-    """The likeness along the seams of a canvas, by squares: 0 to 254, and 255 where no seam runs."""
+    """The likeness along the seams of a canvas, by squares: 0 to 254, and 255 where no seam runs. Where a
+    step shows, it is 1 ÷ (1 + step), if that is less.
+    """
 
     def __init__(self, shape: tuple[int, int]) -> None:
         self.squares: npt.NDArray[np.uint8] = np.full(
             (-(-shape[0] // SQUARE_PX), -(-shape[1] // SQUARE_PX)), _NONE, np.uint8
         )
         self._sums = np.zeros((3, *self.squares.shape))
+        self._likeness = np.ones(self.squares.shape)
+        #: Those that were measured last; where a seam moves, they stay until they are measured again.
+        self._steps = np.zeros(self.squares.shape)
 
     def update(self, labelling: ts.layers.Labelling, labels: Labels, box: Box) -> Box:
         """Compute the squares that a box of the canvas touches; return their box, counted in squares."""
@@ -66,9 +75,39 @@ class LikenessMap:
             weights = None if values is None else values[inside]
             sums[at] = np.bincount(number, weights, height * width).reshape(height, width)
         total = np.bincount(number, cost[inside], height * width).reshape(height, width)
-        count = sums[0]
-        likeness = 1 / (1 + total / np.maximum(count, 1) / HALF_COST)
-        self.squares[squares.slices] = np.where(count > 0, np.rint(254 * likeness), _NONE)
+        self._likeness[squares.slices] = 1 / (1 + total / np.maximum(sums[0], 1) / HALF_COST)
+        return self._shown(squares)
+
+    def judge(self, steps: Floats, inner: Box) -> Box:
+        """Take the steps that a part of the picture shows; return the box of the squares that are judged.
+
+        Parameters
+        ----------
+        steps : (K, 3) float array
+            x and y, px of the canvas, and step of each piece of the seams: 1 is just seen.
+        inner : Box
+            Where all pieces were measured, px of the canvas.
+        """
+        squares = Box(
+            -(-inner.top // SQUARE_PX),
+            -(-inner.left // SQUARE_PX),
+            inner.bottom // SQUARE_PX,
+            inner.right // SQUARE_PX,
+        ).shared(Box(0, 0, *self.squares.shape))
+        if min(squares.shape) <= 0:
+            return Box(0, 0, 0, 0)
+        grid = np.zeros(self.squares.shape)
+        columns, rows = (steps[:, :2] // SQUARE_PX).astype(np.intp).T
+        np.maximum.at(grid, (rows, columns), steps[:, 2])
+        # a piece is some squares long
+        self._steps[squares.slices] = scipy.ndimage.maximum_filter(grid, 3)[squares.slices]
+        return self._shown(squares)
+
+    def _shown(self, squares: Box) -> Box:
+        """Set what is shown of squares."""
+        at = squares.slices
+        worst = np.minimum(self._likeness[at], 1 / (1 + self._steps[at]))
+        self.squares[at] = np.where(self._sums[0][at] > 0, np.rint(254 * worst), _NONE)
         return squares
 
     def worst(self, known: list[SeamPlace]) -> list[SeamPlace]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,12 +15,16 @@ import toposeam as ts
 from toposeam.arrays import Floats, Labels, Mask
 from toposeam.images import box_of
 from toposeam.layers.canvas.layer import Box
+from toposeam.layers.composite.seams import steps_along
+from toposeam.seam.result.verdict import STEP_REACH
 from toposeam_cli.edit.likeness import LikenessMap, SeamPlace
 from toposeam_cli.edit.opening import open_work
 from toposeam_cli.edit.strokes import on_canvas, on_picture, without
 from toposeam_cli.edit.things import strokes_of_thing
 from toposeam_cli.edit.work import Work
 from toposeam_cli.media.layouts.layout import LayoutStroke
+
+_NOWHERE, _NOTHING = Box(0, 0, 0, 0), np.zeros((0, 0), np.uint8)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,6 +47,8 @@ class _State:
 
     gestures: list[list[ts.layers.Stroke]]
     labels: bytes
+    #: The crop that was drawn, as in the settings of the work.
+    crop: str | None
 
 
 class Session:
@@ -109,7 +116,12 @@ class Session:
         }
 
     def crop_to(self, box: Sequence[float]) -> None:
-        """Crop the result to left, top, width and height, px of the preview, and write this to disk."""
+        """Crop the result to left, top, width and height, px of the preview, and write this to disk. Undo
+        brings back the crop that was drawn before.
+        """
+        if self.opened.crop is not None:
+            self._past.append(self._state())
+            self._future.clear()
         self.work.settings["crop"] = self.opened.crop_to(box)
         self._save()
 
@@ -191,6 +203,20 @@ class Session:
         """Return the pixels of a box of the canvas as they are joined."""
         return self.opened.blended(self.labels, box)
 
+    def judge(self, box: Box, pixels: np.ndarray) -> Change:
+        """Judge the seams of a box by the steps of tone, hue and grain that its blended pixels show."""
+        canvas = self.opened.joined.canvas.cut_open()
+        here = np.unique(self.labels[box.slices]).tolist()
+        pairs = list(itertools.combinations((one for one in here if one >= 0), 2))
+        found = steps_along(canvas, self.labels, box, lambda *at: pixels[at], pairs)
+        steps = np.concatenate([np.zeros((0, 3)), *found.values()])
+        # nearer to an edge of the box than to one of the canvas, pieces have lost pixels
+        (top, left), reach = (STEP_REACH * (side > 0) for side in box[:2]), STEP_REACH
+        bottom, right = (reach * (side < whole) for side, whole in zip(box[2:], self.shape, strict=True))
+        inner = Box(box.top + top, box.left + left, box.bottom - bottom, box.right - right)
+        squares = self._likeness.judge(steps, inner)
+        return Change(_NOWHERE, _NOTHING, squares, self._squares(squares))
+
     @property
     def strokes(self) -> list[ts.layers.Stroke]:
         """The strokes of all gestures, in their order."""
@@ -212,16 +238,22 @@ class Session:
         return np.asarray(distance < radius + width / 2)
 
     def _keep(self, gestures: list[list[ts.layers.Stroke]]) -> None:
-        self._past.append(_State(self.gestures, zlib.compress(self.labels.tobytes(), 1)))
+        self._past.append(self._state())
         self._future.clear()
         self.gestures = gestures
         self._save()
 
+    def _state(self) -> _State:
+        crop = None if self.opened.crop is None else self.work.settings.get("crop")
+        return _State(self.gestures, zlib.compress(self.labels.tobytes(), 1), crop)
+
     def _step(self, source: list[_State], target: list[_State]) -> Change:
         if source:
             state = source.pop()
-            target.append(_State(self.gestures, zlib.compress(self.labels.tobytes(), 1)))
+            target.append(self._state())
             self.gestures = state.gestures
+            if state.crop is not None:
+                self.work.settings["crop"] = self.opened.take_crop(state.crop)
             self.labels = _unpacked(state.labels, self.shape)
             self._held, _ = self._with_strokes(self._labelling, self.strokes)
             self._save()
@@ -254,8 +286,7 @@ class Session:
         """Return how labels differ from those that the page shows, and take them as shown."""
         differs = labels != self._shown
         if not differs.any():
-            none = Box(0, 0, 0, 0)
-            return Change(none, np.zeros((0, 0), np.uint8), none, np.zeros((0, 0), np.uint8), lost)
+            return Change(_NOWHERE, _NOTHING, _NOWHERE, _NOTHING, lost)
         box = Box.of(*box_of(differs))
         squares = self._likeness.update(self._labelling, labels, box)
         self._shown = labels.copy()
@@ -263,9 +294,12 @@ class Session:
             box,
             (labels[box.slices] + 1).astype(np.uint8),
             squares,
-            np.ascontiguousarray(self._likeness.squares[squares.slices]),
+            self._squares(squares),
             lost,
         )
+
+    def _squares(self, box: Box) -> np.ndarray:
+        return np.ascontiguousarray(self._likeness.squares[box.slices])
 
     def _save(self) -> None:
         self.work.gestures = [[_plain(stroke) for stroke in gesture] for gesture in self.gestures]
@@ -287,8 +321,10 @@ class Session:
         self.gestures = [gesture for gesture in there if gesture]
         if not self.gestures:
             return
-        blank = zlib.compress(self.labels.tobytes(), 1)
-        self._past = [_State(self.gestures[:k], blank) for k in range(len(self.gestures))]
+        blank = self._state()
+        self._past = [
+            dataclasses.replace(blank, gestures=self.gestures[:k]) for k in range(len(self.gestures))
+        ]
         seen = self.opened.labels()
         if seen is not None:
             self.labels = seen

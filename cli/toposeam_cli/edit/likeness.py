@@ -15,7 +15,7 @@ import scipy
 import toposeam as ts
 from toposeam.arrays import Floats, Labels
 from toposeam.layers.canvas.layer import Box
-from toposeam.seam.result.verdict import HALF_COST, SQUARE_PX, UNSEEN
+from toposeam.seam.result.verdict import HALF_COST, SQUARE_PX, STEP_REACH, UNSEEN
 
 #: Below this likeness a place is one of the worst; from this one on, it no longer shows.
 BAD, GOOD = UNSEEN, 0.55
@@ -48,6 +48,7 @@ class LikenessMap:
     """
 
     def __init__(self, shape: tuple[int, int]) -> None:
+        self.shape = shape
         self.squares: npt.NDArray[np.uint8] = np.full(
             (-(-shape[0] // SQUARE_PX), -(-shape[1] // SQUARE_PX)), _NONE, np.uint8
         )
@@ -78,22 +79,24 @@ class LikenessMap:
         self._likeness[squares.slices] = 1 / (1 + total / np.maximum(sums[0], 1) / HALF_COST)
         return self._shown(squares)
 
-    def judge(self, steps: Floats, inner: Box) -> Box:
+    def judge(self, steps: Floats, box: Box) -> Box:
         """Take the steps that a part of the picture shows; return the box of the squares that are judged.
 
         Parameters
         ----------
         steps : (K, 3) float array
             x and y, px of the canvas, and step of each piece of the seams: 1 is just seen.
-        inner : Box
-            Where all pieces were measured, px of the canvas.
+        box : Box
+            Where they were measured, px of the canvas. They are not known within the reach of its edges,
+            unless these are those of the canvas.
         """
-        squares = Box(
-            -(-inner.top // SQUARE_PX),
-            -(-inner.left // SQUARE_PX),
-            inner.bottom // SQUARE_PX,
-            inner.right // SQUARE_PX,
-        ).shared(Box(0, 0, *self.squares.shape))
+        rim, (height, width) = STEP_REACH // SQUARE_PX, self.squares.shape
+        top, left = (-(-side // SQUARE_PX) + rim if side > 0 else 0 for side in box[:2])
+        bottom, right = (
+            side // SQUARE_PX - rim if side < whole else -(-side // SQUARE_PX)
+            for side, whole in zip(box[2:], self.shape, strict=True)
+        )
+        squares = Box(top, left, bottom, right).shared(Box(0, 0, height, width))
         if min(squares.shape) <= 0:
             return Box(0, 0, 0, 0)
         grid = np.zeros(self.squares.shape)

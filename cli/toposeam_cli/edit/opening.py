@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -14,10 +15,11 @@ import numpy as np
 from click.core import ParameterSource
 
 import toposeam as ts
-from toposeam.arrays import Labels
+from toposeam.arrays import Floats, Labels
 from toposeam.layers.blending.blend import blending_of
 from toposeam.layers.canvas.largest_rectangle import largest_full
 from toposeam.layers.canvas.layer import Box
+from toposeam.layers.composite.seams import steps_along
 from toposeam_cli.app.options import taken
 from toposeam_cli.app.registry import load
 from toposeam_cli.edit.preview import ReducedPictures
@@ -120,6 +122,15 @@ class Opened:
         if shown.blending.needs_potential:
             shown = dataclasses.replace(shown, blending=blending_of(shown.blending.without_potential, None))
         return np.asarray(shown.window(box.slices[0], box.slices[1])[0])
+
+    def steps(self, labels: Labels, box: Box, pixels: np.ndarray) -> Floats:
+        """Measure the steps of tone, hue and grain that the blended pixels of a box show along the seams of a
+        label map: (K, 3), x, y, px of the preview, and step.
+        """
+        here = np.unique(labels[box.slices]).tolist()
+        pairs = list(itertools.combinations((one for one in here if one >= 0), 2))
+        found = steps_along(self.joined.canvas.cut_open(), labels, box, lambda *at: pixels[at], pairs)
+        return np.concatenate([np.zeros((0, 3)), *found.values()])
 
     def write(self, path: Path, strokes: Sequence[LayoutStroke], labels: Labels) -> None:
         """Write the work as a layout for ``toposeam stitch``, and its labels beside it.

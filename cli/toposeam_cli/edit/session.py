@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,14 +11,12 @@ from typing import Any
 import numpy as np
 
 import toposeam as ts
-from toposeam.arrays import Floats, Labels, Mask
+from toposeam.arrays import Floats, Labels
 from toposeam.images import box_of
 from toposeam.layers.canvas.layer import Box
-from toposeam.layers.composite.seams import steps_along
-from toposeam.seam.result.verdict import STEP_REACH
 from toposeam_cli.edit.likeness import LikenessMap, SeamPlace
 from toposeam_cli.edit.opening import open_work
-from toposeam_cli.edit.strokes import on_canvas, on_picture, without
+from toposeam_cli.edit.strokes import on_picture, under, without
 from toposeam_cli.edit.things import strokes_of_thing
 from toposeam_cli.edit.work import Work
 from toposeam_cli.media.layouts.layout import LayoutStroke
@@ -143,8 +140,8 @@ class Session:
         made = self._stroke(stroke)
         if made is None:
             return self._change(self.labels, lost=True)
-        labels, lost = self._solved(self._held, [made])
-        return self._change(labels, lost=lost)
+        asked, lost = self._with_strokes(self._held, [made])
+        return self._change(self._recut(asked), lost=bool(lost))
 
     def paint(self, strokes: Sequence[Mapping[str, Any]]) -> bool:
         """Keep strokes as one gesture and write them to disk; False if no picture sees them."""
@@ -157,7 +154,8 @@ class Session:
         """Rub out strokes under a stroke of the canvas; False if there are none."""
         changed, left = False, list[list[ts.layers.Stroke]]()
         for gesture in self.gestures:
-            gone = [self._rubbed(stroke, points, radius) for stroke in gesture]
+            own = [self.opened.transforms[stroke.layer] for stroke in gesture]
+            gone = [under(*each, points, radius) for each in zip(gesture, own, strict=True)]
             changed |= any(one.any() for one in gone)
             rest = without(gesture, gone)
             left += [rest] if rest else []
@@ -205,16 +203,7 @@ class Session:
 
     def judge(self, box: Box, pixels: np.ndarray) -> Change:
         """Judge the seams of a box by the steps of tone, hue and grain that its blended pixels show."""
-        canvas = self.opened.joined.canvas.cut_open()
-        here = np.unique(self.labels[box.slices]).tolist()
-        pairs = list(itertools.combinations((one for one in here if one >= 0), 2))
-        found = steps_along(canvas, self.labels, box, lambda *at: pixels[at], pairs)
-        steps = np.concatenate([np.zeros((0, 3)), *found.values()])
-        # nearer to an edge of the box than to one of the canvas, pieces have lost pixels
-        (top, left), reach = (STEP_REACH * (side > 0) for side in box[:2]), STEP_REACH
-        bottom, right = (reach * (side < whole) for side, whole in zip(box[2:], self.shape, strict=True))
-        inner = Box(box.top + top, box.left + left, box.bottom - bottom, box.right - right)
-        squares = self._likeness.judge(steps, inner)
+        squares = self._likeness.judge(self.opened.steps(self.labels, box, pixels), box)
         return Change(_NOWHERE, _NOTHING, squares, self._squares(squares))
 
     @property
@@ -228,14 +217,6 @@ class Session:
         return on_picture(
             points, float(stroke["radius"]), layer, self.opened.transforms[layer], stroke["kind"]
         )
-
-    def _rubbed(self, stroke: ts.layers.Stroke, points: Floats, radius: float) -> Mask:
-        """(n,) bool: which points of a stroke lie under a stroke of the canvas."""
-        own, width = on_canvas(stroke, self.opened.transforms[stroke.layer])
-        if len(own) != len(stroke.points):
-            return np.zeros(len(stroke.points), bool)
-        distance = np.linalg.norm(own[:, np.newaxis] - points[np.newaxis], axis=2).min(axis=1)
-        return np.asarray(distance < radius + width / 2)
 
     def _keep(self, gestures: list[list[ts.layers.Stroke]]) -> None:
         self._past.append(self._state())
@@ -265,13 +246,6 @@ class Session:
         transforms = [one.whole for one in self.opened.transforms]
         return ts.layers.apply_strokes(problem, strokes, self.opened.joined.canvas, transforms)
 
-    def _solved(
-        self, problem: ts.layers.Labelling, strokes: Sequence[ts.layers.Stroke]
-    ) -> tuple[Labels, bool]:
-        """Return the labels in a window round strokes on a problem, and whether they change nothing."""
-        asked, lost = self._with_strokes(problem, strokes)
-        return self._recut(asked), bool(lost)
-
     def _recut(
         self,
         problem: ts.layers.Labelling,
@@ -290,13 +264,7 @@ class Session:
         box = Box.of(*box_of(differs))
         squares = self._likeness.update(self._labelling, labels, box)
         self._shown = labels.copy()
-        return Change(
-            box,
-            (labels[box.slices] + 1).astype(np.uint8),
-            squares,
-            self._squares(squares),
-            lost,
-        )
+        return Change(box, (labels[box.slices] + 1).astype(np.uint8), squares, self._squares(squares), lost)
 
     def _squares(self, box: Box) -> np.ndarray:
         return np.ascontiguousarray(self._likeness.squares[box.slices])

@@ -184,8 +184,10 @@ class _Solver:
         if min(part.shape) > 0:
             pixels = session.blended(part)
             self._say("blend", {"box": list(part)}, [jpeg(pixels)])
-            self._change(session.judge(part, pixels))
-            self._rest(session)
+            judged = session.judge(part, pixels)
+            if judged.likeness.size:
+                self._change(judged)
+                self._rest(session)
 
     def _change(self, change: Change, own: dict[str, Any] | None = None) -> None:
         session = self._session

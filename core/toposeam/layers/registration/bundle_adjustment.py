@@ -13,6 +13,7 @@ import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -40,8 +41,6 @@ _POINTS = 150
 _DESCENTS = ((30.0, 1e-5, 1.0), (2.0, 1e-6, 0.1))
 #: Steps of a descent at most.
 _STEPS = 60
-#: Unknowns at most whose normal equations are dense: sparse ones take several times as long to build.
-_DENSE = 256
 #: Step of difference quotients, in the scaled unknowns.
 _STEP = 1e-6
 #: Share of the loss that a distortion has to take away to be taken. A single pair has few points far from its
@@ -180,47 +179,6 @@ class _Points:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Jacobian:
-    """Derivatives of the distances of points by unknowns, of which each pair has few."""
-
-    #: (K, 2, C) of a point's distances in x and y, by the unknowns of its pair.
-    values: Floats
-    #: (P, C) numbers of the unknowns of each pair.
-    columns: Indices
-    #: (P + 1,) number of the first point of each pair, and last of all points.
-    starts: Indices
-
-    def normal(self, weights: Floats, count: int) -> Floats | csr_array:
-        """Compute the (count, count) matrix Jᵀ W J; dense for few unknowns.
-
-        Parameters
-        ----------
-        weights : (K, 2) float array
-        count : int
-            Number of unknowns.
-        """
-        weighted = self.values * weights[..., np.newaxis]
-        blocks = [
-            self.values[start:end].reshape(-1, self.columns.shape[1]).T
-            @ weighted[start:end].reshape(-1, self.columns.shape[1])
-            for start, end in pairwise(self.starts.tolist())
-        ]
-        if count <= _DENSE:
-            normal = np.zeros((count, count))
-            for block, own in zip(blocks, self.columns, strict=True):
-                normal[own[:, np.newaxis], own] += block
-            return normal
-        rows = np.repeat(self.columns, self.columns.shape[1], axis=1).ravel()
-        columns = np.tile(self.columns, self.columns.shape[1]).ravel()
-        return csr_array((np.concatenate(blocks).ravel(), (rows, columns)), shape=(count, count))
-
-    def slope(self, residuals: Floats, count: int) -> Floats:
-        """Compute the (count,) derivatives Jᵀ r of half the sum of the squares of (K, 2) residuals."""
-        parts = np.add.reduceat(np.einsum("kac,ka->kc", self.values, residuals), self.starts[:-1])
-        return np.asarray(np.bincount(self.columns.ravel(), parts.ravel(), count), float)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class _Problem:
     """Residuals of a bundle and their derivatives, as functions of a vector of unknowns.
 
@@ -328,8 +286,16 @@ class _Problem:
         mapped[:, 2] = np.where(mapped[:, 2] > 0.02, mapped[:, 2], 0.02)
         return mapped, q, p
 
-    def jacobian(self, unknowns: Floats) -> _Jacobian:
-        """Compute the derivatives of the first 2 K of :meth:`residuals`."""
+    def jacobian(self, unknowns: Floats) -> tuple[Floats, Indices]:
+        """Compute the derivatives of the first 2 K of :meth:`residuals`.
+
+        Returns
+        -------
+        values : (K, 2, C) float array
+            Of a point's distances in x and y, by the unknowns of its pair.
+        columns : (P, C) int array
+            Numbers of the unknowns of each pair.
+        """
         points, each = self.points, self.each
         distortion = float(unknowns[1])
         moving = 3 if self.family == "rotation" and not self.free_zoom else each
@@ -368,7 +334,45 @@ class _Problem:
         columns = np.concatenate(
             [own + each * points.first[pairs], own + each * points.second[pairs], shared], axis=1
         )
-        return _Jacobian(np.ascontiguousarray(values.swapaxes(1, 2)), columns, points.starts)
+        return np.ascontiguousarray(values.swapaxes(1, 2)), columns
+
+    def equations(
+        self, unknowns: Floats, weights: Floats, residuals: Floats, *, dense: int = 256
+    ) -> tuple[Floats | csr_array, Floats]:
+        """Compute the normal equations JᵀWJ x = -Jᵀr of all unknowns, pair by pair.
+
+        Parameters
+        ----------
+        unknowns : (U,) float array
+        weights, residuals : (2 K + 1,) float arrays
+        dense : int
+            Unknowns at most whose matrix is dense: sparse ones take several times as long to build.
+
+        Returns
+        -------
+        matrix : (U, U) array, dense or sparse
+        slope : (U,) float array
+            Jᵀr.
+        """
+        values, columns = self.jacobian(unknowns)
+        count, each, starts = len(unknowns), columns.shape[1], self.points.starts
+        weighted = values * weights[:-1].reshape(-1, 2, 1)
+        blocks = [
+            values[start:end].reshape(-1, each).T @ weighted[start:end].reshape(-1, each)
+            for start, end in pairwise(starts.tolist())
+        ]
+        matrix: Any = np.zeros((count, count))
+        if count <= dense:
+            for block, own in zip(blocks, columns, strict=True):
+                matrix[own[:, np.newaxis], own] += block
+        else:
+            at = np.repeat(columns, each, axis=1).ravel(), np.tile(columns, each).ravel()
+            matrix = csr_array((np.concatenate(blocks).ravel(), at), shape=(count, count))
+        pulls = np.einsum("kac,ka->kc", values, residuals[:-1].reshape(-1, 2))
+        slope = np.bincount(columns.ravel(), np.add.reduceat(pulls, starts[:-1]).ravel(), count)
+        matrix[0, 0] += weights[-1] / self.deviation**2
+        slope[0] += residuals[-1] / self.deviation
+        return matrix, np.asarray(slope, float)
 
     def _bent(self, index: Indices, ideal: Floats, distortion: float) -> Floats:
         """Compute the (K, 2) derivatives by b of points free of distortion b; r (b r² + 1 - b) stays."""
@@ -396,18 +400,12 @@ class _Problem:
             return residuals, loss
 
         where, unknowns, damping = np.flatnonzero(self.free), start, 1e-3
-        prior = 1 / self.deviation
         residuals, loss = loss_of(unknowns)
         for _ in range(_STEPS):
-            jacobian = self.jacobian(unknowns)
             far = np.square(residuals / scale)
             weights = 1 / (1 + far)
             curvature = np.maximum((1 - far) * weights**2, least * weights)
-            pull = weights * residuals
-            normal = jacobian.normal(curvature[:-1].reshape(-1, 2), len(unknowns))
-            slope = jacobian.slope(pull[:-1].reshape(-1, 2), len(unknowns))
-            normal[0, 0] += curvature[-1] * prior**2
-            slope[0] += pull[-1] * prior
+            normal, slope = self.equations(unknowns, curvature, weights * residuals)
             normal, slope = normal[where[:, np.newaxis], where], slope[where]
             diagonal = normal.diagonal() + 1e-12
             before = loss

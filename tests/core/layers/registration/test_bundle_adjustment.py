@@ -4,21 +4,13 @@ import dataclasses
 import itertools
 import math
 from functools import partial
-from unittest import mock
 
 import numpy as np
 import pytest
 from rendered import around, before_a_wall, corner_error
 
 from toposeam.layers.canvas import NOWHERE, PlaneTransform
-from toposeam.layers.registration import (
-    Match,
-    adjust_cameras,
-    adjust_plane,
-    applied,
-    bundle_adjustment,
-    left_over,
-)
+from toposeam.layers.registration import Match, adjust_cameras, adjust_plane, applied, left_over
 from toposeam.layers.registration.bundle_adjustment import _Points, _Problem, spanning_tree
 from toposeam.layers.registration.perspective import ModelFit, _explains, _fit_agreeing
 
@@ -217,17 +209,19 @@ def test_derivatives_are_those_of_finite_differences(family):
     unknowns[1] = -0.01 if rotation else 0.0
     free = np.flatnonzero(problem.free)
     unknowns[free] += np.random.default_rng(1).normal(0, 1e-3, len(free))
-    compact, residuals = problem.jacobian(unknowns), problem.residuals(unknowns)[:-1].reshape(-1, 2)
-    whole = np.zeros((*residuals.shape, len(unknowns)))
-    for pair, (start, end) in enumerate(itertools.pairwise(compact.starts)):
-        whole[start:end, :, compact.columns[pair]] = compact.values[start:end]
-    weights = np.random.default_rng(2).uniform(0, 1, residuals.shape)
-    normal = np.einsum("kai,ka,kaj->ij", whole, weights, whole)
-    assert compact.normal(weights, len(unknowns)) == pytest.approx(normal)
-    with mock.patch.object(bundle_adjustment, "_DENSE", 0):
-        assert compact.normal(weights, len(unknowns)).toarray() == pytest.approx(normal)
-    assert compact.slope(residuals, len(unknowns)) == pytest.approx(np.einsum("kai,ka->i", whole, residuals))
-    jacobian = whole.reshape(-1, len(unknowns))[:, free]
+    residuals = problem.residuals(unknowns)
+    values, columns = problem.jacobian(unknowns)
+    whole = np.zeros((len(residuals), len(unknowns)))
+    points = whole[:-1].reshape(-1, 2, len(unknowns))
+    for pair, (start, end) in enumerate(itertools.pairwise(problem.points.starts)):
+        points[start:end, :, columns[pair]] = values[start:end]
+    whole[-1, 0] = 1 / problem.deviation
+    weights = np.random.default_rng(2).uniform(0, 1, len(residuals))
+    normal, slope = problem.equations(unknowns, weights, residuals)
+    assert normal == pytest.approx(whole.T @ (weights[:, np.newaxis] * whole))
+    assert slope == pytest.approx(whole.T @ residuals)
+    assert problem.equations(unknowns, weights, residuals, dense=0)[0].toarray() == pytest.approx(normal)
+    jacobian = whole[:-1, free]
     assert len(free) == (2 + 2 * 3 if rotation else 2 * 8)
     for column, number in enumerate(free):
         step = np.zeros(len(unknowns))

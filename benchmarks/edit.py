@@ -1,6 +1,6 @@
 """What the page of ``toposeam edit`` costs, and whether what it saves is what was seen.
 
-    python benchmarks/edit.py FOLDER_OR_PICTURE... [--strokes 20] [--scipy] [--saves]
+    python benchmarks/edit.py FOLDER_OR_PICTURE... [--strokes 20] [--scipy] [--saves] [--megapixels 2]
 
 Each folder is one panorama; pictures that are named one by one make one together. A session is driven as the
 page drives it, without a browser: random strokes start beside a seam and run over it, 60 to 180 px of the
@@ -35,7 +35,7 @@ from PIL import Image
 
 from stamp import stamp
 from toposeam import _kernels
-from toposeam_cli.edit.preview import small_print
+from toposeam_cli.edit import preview
 from toposeam_cli.edit.session import Session
 from toposeam_cli.edit.work import Work
 
@@ -104,7 +104,7 @@ def measured(files: list[Path], strokes: int, saves: bool) -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         os.environ["TOPOSEAM_WORKS"] = name
-        first, _ = timed(small_print, files[0])
+        first, _ = timed(preview.small_print, files[0])
         placed, session = timed(Session, Work(folder=folder / "work", files=[one.resolve() for one in files]))
         window, release = [], []
         for _ in range(strokes):
@@ -134,7 +134,9 @@ def main() -> None:
     parser.add_argument("--strokes", type=int, default=20)
     parser.add_argument("--scipy", action="store_true")
     parser.add_argument("--saves", action="store_true")
+    parser.add_argument("--megapixels", type=float, default=2.0, help="of the preview")
     given = parser.parse_args()
+    preview.PREVIEW_PIXELS = round(given.megapixels * 1e6)
     if given.scipy:
         _kernels.library = None
     print(stamp())

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import argparse
 import hashlib
+import json
 import os
 import resource
 import subprocess
@@ -81,21 +82,19 @@ def saved(session: Session, folder: Path) -> tuple[bool, float]:
     stitch = [sys.executable, "-m", "toposeam", "stitch", "-q", "--force"]
     subprocess.run([*stitch, session.work.layout, "-o", first, "--save-layout", layout], check=True)
     subprocess.run([*stitch, layout, "-o", again], check=True)
-    subprocess.run(
-        [*stitch, layout, "-o", folder / "whole.png", "--crop", "outside", "--labels", labels], check=True
-    )
+    told = [*stitch, layout, "-o", folder / "whole.png", "--labels", labels, "--json"]
+    left, top, _, _ = json.loads(subprocess.run(told, check=True, capture_output=True).stdout)["crop"]
     digests = {hashlib.sha256(path.read_bytes()).hexdigest() for path in (first, again)}
-    gray = np.asarray(Image.open(labels))
-    cover = np.asarray(Image.open(folder / "whole.png").convert("RGBA"))[..., 3]
-    whole = np.where(cover > 0, np.rint(gray / 255.0 * (len(session.layers) - 1)), -1)
-    rows, columns = between(session.labels)
+    whole = np.rint(np.asarray(Image.open(labels)) / 255.0 * (len(session.layers) - 1))
     seen = np.ones(session.shape, bool)
-    seen[rows, columns] = False
+    seen[between(session.labels)] = False
     distances = scipy.ndimage.distance_transform_edt(seen)
-    points = np.array(between(whole), float)
-    steps = np.array(session.shape)[:, np.newaxis] / np.array(whole.shape)[:, np.newaxis]
-    at = np.clip((points + 0.5) * steps, 0, np.array(session.shape)[:, np.newaxis] - 1).astype(int)
-    return len(digests) == 1, float((distances[at[0], at[1]] <= 3).mean())
+    points = (np.array(between(whole)) + np.array([[top], [left]]) + 0.5) * session.opened.scale
+    at = tuple(np.clip(points, 0, np.array(session.shape)[:, np.newaxis] - 1).astype(int))
+    # beside what no picture has, labels mean nothing
+    known = ~scipy.ndimage.binary_dilation(session.labels < 0, iterations=4)[at]
+    at = tuple(one[known] for one in at)
+    return len(digests) == 1, float((distances[at] <= 3).mean())
 
 
 def measured(files: list[Path], strokes: int, saves: bool) -> None:

@@ -1,6 +1,6 @@
 """What the page of ``toposeam edit`` costs, and whether what it saves is what was seen.
 
-    python benchmarks/edit.py FOLDER_OR_PICTURE... [--strokes 20] [--scipy] [--saves]
+    python benchmarks/edit.py FOLDER_OR_PICTURE... [--strokes 20] [--scipy] [--saves] [--megapixels 2]
 
 Each folder is one panorama; pictures that are named one by one make one together. A session is driven as the
 page drives it, without a browser: random strokes start beside a seam and run over it, 60 to 180 px of the
@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import argparse
 import hashlib
+import json
 import os
 import resource
 import subprocess
@@ -35,7 +36,7 @@ from PIL import Image
 
 from stamp import stamp
 from toposeam import _kernels
-from toposeam_cli.edit.preview import small_print
+from toposeam_cli.edit import preview
 from toposeam_cli.edit.session import Session
 from toposeam_cli.edit.work import Work
 
@@ -81,21 +82,19 @@ def saved(session: Session, folder: Path) -> tuple[bool, float]:
     stitch = [sys.executable, "-m", "toposeam", "stitch", "-q", "--force"]
     subprocess.run([*stitch, session.work.layout, "-o", first, "--save-layout", layout], check=True)
     subprocess.run([*stitch, layout, "-o", again], check=True)
-    subprocess.run(
-        [*stitch, layout, "-o", folder / "whole.png", "--crop", "outside", "--labels", labels], check=True
-    )
+    told = [*stitch, layout, "-o", folder / "whole.png", "--labels", labels, "--json"]
+    left, top, _, _ = json.loads(subprocess.run(told, check=True, capture_output=True).stdout)["crop"]
     digests = {hashlib.sha256(path.read_bytes()).hexdigest() for path in (first, again)}
-    gray = np.asarray(Image.open(labels))
-    cover = np.asarray(Image.open(folder / "whole.png").convert("RGBA"))[..., 3]
-    whole = np.where(cover > 0, np.rint(gray / 255.0 * (len(session.layers) - 1)), -1)
-    rows, columns = between(session.labels)
+    whole = np.rint(np.asarray(Image.open(labels)) / 255.0 * (len(session.layers) - 1))
     seen = np.ones(session.shape, bool)
-    seen[rows, columns] = False
+    seen[between(session.labels)] = False
     distances = scipy.ndimage.distance_transform_edt(seen)
-    points = np.array(between(whole), float)
-    steps = np.array(session.shape)[:, np.newaxis] / np.array(whole.shape)[:, np.newaxis]
-    at = np.clip((points + 0.5) * steps, 0, np.array(session.shape)[:, np.newaxis] - 1).astype(int)
-    return len(digests) == 1, float((distances[at[0], at[1]] <= 3).mean())
+    points = (np.array(between(whole)) + np.array([[top], [left]]) + 0.5) * session.opened.scale
+    at = tuple(np.clip(points, 0, np.array(session.shape)[:, np.newaxis] - 1).astype(int))
+    # beside what no picture has, labels mean nothing
+    known = ~scipy.ndimage.binary_dilation(session.labels < 0, iterations=4)[at]
+    at = tuple(one[known] for one in at)
+    return len(digests) == 1, float((distances[at] <= 3).mean())
 
 
 def measured(files: list[Path], strokes: int, saves: bool) -> None:
@@ -104,7 +103,7 @@ def measured(files: list[Path], strokes: int, saves: bool) -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         os.environ["TOPOSEAM_WORKS"] = name
-        first, _ = timed(small_print, files[0])
+        first, _ = timed(preview.small_print, files[0])
         placed, session = timed(Session, Work(folder=folder / "work", files=[one.resolve() for one in files]))
         window, release = [], []
         for _ in range(strokes):
@@ -134,7 +133,9 @@ def main() -> None:
     parser.add_argument("--strokes", type=int, default=20)
     parser.add_argument("--scipy", action="store_true")
     parser.add_argument("--saves", action="store_true")
+    parser.add_argument("--megapixels", type=float, default=2.0, help="of the preview")
     given = parser.parse_args()
+    preview.PREVIEW_PIXELS = round(given.megapixels * 1e6)
     if given.scipy:
         _kernels.library = None
     print(stamp())

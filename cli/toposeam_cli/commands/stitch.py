@@ -199,7 +199,7 @@ def _stitch(
         job = dataclasses.replace(job, layers=aligned.layers)
     wrap = find.of_stitch("wrap")
     find = find.with_stitch(wrap=width_round(job.wrap if wrap is None else wrap, job.files or files))
-    crop = crop_of(out, job.layers, goes_round=find.of_stitch("wrap") is not None)
+    crop = crop_of(out, job.layers, find.of_stitch("wrap"))
     if len(job.layers) > 2:
         from toposeam.layers.labelling.posing import check_pairs
 

@@ -1,4 +1,8 @@
-"""How alike two pictures are along their seams, by squares, and the worst places."""
+"""How likely seams are to be seen, by squares, and the worst places.
+
+A square counts by the likeness of the two pictures, as soon as a seam runs there, or by the largest step of
+tone, hue or grain that the blended picture shows, if that is worse: see :mod:`toposeam.seam.result.verdict`.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +15,7 @@ import scipy
 import toposeam as ts
 from toposeam.arrays import Floats, Labels
 from toposeam.layers.canvas.layer import Box
-from toposeam.seam.result.verdict import HALF_COST, SQUARE_PX, UNSEEN
+from toposeam.seam.result.verdict import HALF_COST, SQUARE_PX, STEP_REACH, UNSEEN
 
 #: Below this likeness a place is one of the worst; from this one on, it no longer shows.
 BAD, GOOD = UNSEEN, 0.55
@@ -39,13 +43,19 @@ class SeamPlace:
 
 
 class LikenessMap:
-    """The likeness along the seams of a canvas, by squares: 0 to 254, and 255 where no seam runs."""
+    """The likeness along the seams of a canvas, by squares: 0 to 254, and 255 where no seam runs. Where a
+    step shows, it is 1 ÷ (1 + step), if that is less.
+    """
 
     def __init__(self, shape: tuple[int, int]) -> None:
+        self.shape = shape
         self.squares: npt.NDArray[np.uint8] = np.full(
             (-(-shape[0] // SQUARE_PX), -(-shape[1] // SQUARE_PX)), _NONE, np.uint8
         )
         self._sums = np.zeros((3, *self.squares.shape))
+        self._likeness = np.ones(self.squares.shape)
+        #: Those that were measured last; where a seam moves, they stay until they are measured again.
+        self._steps = np.zeros(self.squares.shape)
 
     def update(self, labelling: ts.layers.Labelling, labels: Labels, box: Box) -> Box:
         """Compute the squares that a box of the canvas touches; return their box, counted in squares."""
@@ -66,9 +76,41 @@ class LikenessMap:
             weights = None if values is None else values[inside]
             sums[at] = np.bincount(number, weights, height * width).reshape(height, width)
         total = np.bincount(number, cost[inside], height * width).reshape(height, width)
-        count = sums[0]
-        likeness = 1 / (1 + total / np.maximum(count, 1) / HALF_COST)
-        self.squares[squares.slices] = np.where(count > 0, np.rint(254 * likeness), _NONE)
+        self._likeness[squares.slices] = 1 / (1 + total / np.maximum(sums[0], 1) / HALF_COST)
+        return self._shown(squares)
+
+    def judge(self, steps: Floats, box: Box) -> Box:
+        """Take the steps that a part of the picture shows; return the box of the squares that are judged.
+
+        Parameters
+        ----------
+        steps : (K, 3) float array
+            x and y, px of the canvas, and step of each piece of the seams: 1 is just seen.
+        box : Box
+            Where they were measured, px of the canvas. They are not known within the reach of its edges,
+            unless these are those of the canvas.
+        """
+        rim, (height, width) = STEP_REACH // SQUARE_PX, self.squares.shape
+        top, left = (-(-side // SQUARE_PX) + rim if side > 0 else 0 for side in box[:2])
+        bottom, right = (
+            side // SQUARE_PX - rim if side < whole else -(-side // SQUARE_PX)
+            for side, whole in zip(box[2:], self.shape, strict=True)
+        )
+        squares = Box(top, left, bottom, right).shared(Box(0, 0, height, width))
+        if min(squares.shape) <= 0:
+            return Box(0, 0, 0, 0)
+        grid = np.zeros(self.squares.shape)
+        columns, rows = (steps[:, :2] // SQUARE_PX).astype(np.intp).T
+        np.maximum.at(grid, (rows, columns), steps[:, 2])
+        # a piece is some squares long
+        self._steps[squares.slices] = scipy.ndimage.maximum_filter(grid, 3)[squares.slices]
+        return self._shown(squares)
+
+    def _shown(self, squares: Box) -> Box:
+        """Set what is shown of squares."""
+        at = squares.slices
+        worst = np.minimum(self._likeness[at], 1 / (1 + self._steps[at]))
+        self.squares[at] = np.where(self._sums[0][at] > 0, np.rint(254 * worst), _NONE)
         return squares
 
     def worst(self, known: list[SeamPlace]) -> list[SeamPlace]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -14,10 +15,11 @@ import numpy as np
 from click.core import ParameterSource
 
 import toposeam as ts
-from toposeam.arrays import Labels
+from toposeam.arrays import Floats, Labels
 from toposeam.layers.blending.blend import blending_of
 from toposeam.layers.canvas.largest_rectangle import largest_full
 from toposeam.layers.canvas.layer import Box
+from toposeam.layers.composite.seams import steps_along
 from toposeam_cli.app.options import taken
 from toposeam_cli.app.registry import load
 from toposeam_cli.edit.preview import ReducedPictures
@@ -35,6 +37,8 @@ from toposeam_cli.stitching.search_options import Means, SeamOptions, strangers
 
 #: Most pictures that the page shows: each is a texture.
 MOST_PICTURES = 100
+#: So far, px of the preview, pictures may end elsewhere at full size.
+_RIM_PX = 2
 #: Settings that change where pictures lie; the others change how they are joined.
 PLACING = ("model", "projection", "level")
 
@@ -66,19 +70,36 @@ class Opened:
         return [self.scale * value for value in (box.left, box.top, box.shape[1], box.shape[0])]
 
     def crop_to(self, box: Sequence[float]) -> str:
-        """Crop the result to left, top, width and height, px of the preview; return the box as
-        ``toposeam stitch --crop`` takes it. Seams stay as they are.
+        """Crop the result to left, top, width and height, px of the preview, of a whole turn to its rows;
+        return the box as ``toposeam stitch --crop`` takes it. Seams stay as they are.
         """
         left, top, width, height = (round(value / self.scale) for value in box)
-        crop = f"{left},{top},{max(1, width)},{max(1, height)}"
+        if self.job.wrap is not None:
+            left, width = 0, round(self.job.wrap)
+        return self.take_crop(f"{left},{top},{max(1, width)},{max(1, height)}")
+
+    def take_crop(self, crop: str) -> str:
+        """Crop the result to a box as ``toposeam stitch --crop`` takes it, and return that."""
         self._context.params["crop"] = crop
         self._context.set_parameter_source("crop", ParameterSource.COMMANDLINE)
         return crop
 
     def inside(self) -> list[int]:
-        """Return left, top, width and height of the largest rectangle without holes, px of the preview."""
-        box = largest_full(self.joined.label_map >= 0) or Box(0, 0, *self.joined.shape)
+        """Return left, top, width and height of the largest rectangle without holes, px of the preview; of a
+        whole turn it has all columns. Warped pictures end a little elsewhere at full size.
+        """
+        full = self.joined.label_map >= 0
+        if self.job.wrap is not None:
+            full = np.broadcast_to(full.all(axis=1, keepdims=True), full.shape)
+        box = largest_full(full) or Box(0, 0, *self.joined.shape)
+        if any(map(self.job.warped, range(len(self.job.layers)))) and min(box.shape) > 8 * _RIM_PX:
+            box = box.grown(-_RIM_PX)
         return [box.left, box.top, box.shape[1], box.shape[0]]
+
+    def has_holes(self, box: Sequence[float]) -> bool:
+        """Test whether left, top, width and height, px of the preview, hold pixels that no picture has."""
+        left, top, width, height = (round(value) for value in box)
+        return bool((self.joined.label_map[top : top + height, left : left + width] < 0).any())
 
     def labels(self) -> Labels | None:
         """Return the label map of the layout; None if there is none of this preview."""
@@ -101,6 +122,15 @@ class Opened:
         if shown.blending.needs_potential:
             shown = dataclasses.replace(shown, blending=blending_of(shown.blending.without_potential, None))
         return np.asarray(shown.window(box.slices[0], box.slices[1])[0])
+
+    def steps(self, labels: Labels, box: Box, pixels: np.ndarray) -> Floats:
+        """Measure the steps of tone, hue and grain that the blended pixels of a box show along the seams of a
+        label map: (K, 3), x, y, px of the preview, and step.
+        """
+        here = np.unique(labels[box.slices]).tolist()
+        pairs = list(itertools.combinations((one for one in here if one >= 0), 2))
+        found = steps_along(self.joined.canvas.cut_open(), labels, box, lambda *at: pixels[at], pairs)
+        return np.concatenate([np.zeros((0, 3)), *found.values()])
 
     def write(self, path: Path, strokes: Sequence[LayoutStroke], labels: Labels) -> None:
         """Write the work as a layout for ``toposeam stitch``, and its labels beside it.

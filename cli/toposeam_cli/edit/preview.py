@@ -30,7 +30,7 @@ PRINT_PX = 480
 class ReducedPictures:
     """Lays pictures on a reduced canvas; to be passed to :func:`toposeam_cli.stitching.inputs.arrange`."""
 
-    pixels: int = PREVIEW_PIXELS
+    pixels: int = field(default_factory=lambda: PREVIEW_PIXELS)
     #: Size of the preview ÷ that of the result; known once pictures are laid.
     scale: float = 1.0
     #: Per picture, from its own pixels to the preview.
@@ -101,7 +101,8 @@ def _reduced(layer: ts.Layer, scale: float) -> ts.Layer:
 
 
 def _resized(pixels: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    return np.asarray(Image.fromarray(pixels).resize(size, Image.Resampling.LANCZOS, reducing_gap=3.0))
+    # means of whole squares first, down to 1.4 times the size: half a level off, in half the time
+    return np.asarray(Image.fromarray(pixels).resize(size, Image.Resampling.LANCZOS, reducing_gap=1.4))
 
 
 def encoded(layer: ts.Layer) -> bytes:

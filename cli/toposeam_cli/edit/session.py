@@ -11,15 +11,17 @@ from typing import Any
 import numpy as np
 
 import toposeam as ts
-from toposeam.arrays import Floats, Labels, Mask
+from toposeam.arrays import Floats, Labels
 from toposeam.images import box_of
 from toposeam.layers.canvas.layer import Box
 from toposeam_cli.edit.likeness import LikenessMap, SeamPlace
 from toposeam_cli.edit.opening import open_work
-from toposeam_cli.edit.strokes import on_canvas, on_picture, without
+from toposeam_cli.edit.strokes import on_picture, under, without
 from toposeam_cli.edit.things import strokes_of_thing
 from toposeam_cli.edit.work import Work
 from toposeam_cli.media.layouts.layout import LayoutStroke
+
+_NOWHERE, _NOTHING = Box(0, 0, 0, 0), np.zeros((0, 0), np.uint8)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,6 +44,8 @@ class _State:
 
     gestures: list[list[ts.layers.Stroke]]
     labels: bytes
+    #: The crop that was drawn, as in the settings of the work.
+    crop: str | None
 
 
 class Session:
@@ -109,7 +113,12 @@ class Session:
         }
 
     def crop_to(self, box: Sequence[float]) -> None:
-        """Crop the result to left, top, width and height, px of the preview, and write this to disk."""
+        """Crop the result to left, top, width and height, px of the preview, and write this to disk. Undo
+        brings back the crop that was drawn before.
+        """
+        if self.opened.crop is not None:
+            self._past.append(self._state())
+            self._future.clear()
         self.work.settings["crop"] = self.opened.crop_to(box)
         self._save()
 
@@ -131,8 +140,8 @@ class Session:
         made = self._stroke(stroke)
         if made is None:
             return self._change(self.labels, lost=True)
-        labels, lost = self._solved(self._held, [made])
-        return self._change(labels, lost=lost)
+        asked, lost = self._with_strokes(self._held, [made])
+        return self._change(self._recut(asked), lost=bool(lost))
 
     def paint(self, strokes: Sequence[Mapping[str, Any]]) -> bool:
         """Keep strokes as one gesture and write them to disk; False if no picture sees them."""
@@ -145,7 +154,8 @@ class Session:
         """Rub out strokes under a stroke of the canvas; False if there are none."""
         changed, left = False, list[list[ts.layers.Stroke]]()
         for gesture in self.gestures:
-            gone = [self._rubbed(stroke, points, radius) for stroke in gesture]
+            own = [self.opened.transforms[stroke.layer] for stroke in gesture]
+            gone = [under(*each, points, radius) for each in zip(gesture, own, strict=True)]
             changed |= any(one.any() for one in gone)
             rest = without(gesture, gone)
             left += [rest] if rest else []
@@ -191,6 +201,11 @@ class Session:
         """Return the pixels of a box of the canvas as they are joined."""
         return self.opened.blended(self.labels, box)
 
+    def judge(self, box: Box, pixels: np.ndarray) -> Change:
+        """Judge the seams of a box by the steps of tone, hue and grain that its blended pixels show."""
+        squares = self._likeness.judge(self.opened.steps(self.labels, box, pixels), box)
+        return Change(_NOWHERE, _NOTHING, squares, self._squares(squares))
+
     @property
     def strokes(self) -> list[ts.layers.Stroke]:
         """The strokes of all gestures, in their order."""
@@ -203,25 +218,23 @@ class Session:
             points, float(stroke["radius"]), layer, self.opened.transforms[layer], stroke["kind"]
         )
 
-    def _rubbed(self, stroke: ts.layers.Stroke, points: Floats, radius: float) -> Mask:
-        """(n,) bool: which points of a stroke lie under a stroke of the canvas."""
-        own, width = on_canvas(stroke, self.opened.transforms[stroke.layer])
-        if len(own) != len(stroke.points):
-            return np.zeros(len(stroke.points), bool)
-        distance = np.linalg.norm(own[:, np.newaxis] - points[np.newaxis], axis=2).min(axis=1)
-        return np.asarray(distance < radius + width / 2)
-
     def _keep(self, gestures: list[list[ts.layers.Stroke]]) -> None:
-        self._past.append(_State(self.gestures, zlib.compress(self.labels.tobytes(), 1)))
+        self._past.append(self._state())
         self._future.clear()
         self.gestures = gestures
         self._save()
 
+    def _state(self) -> _State:
+        crop = None if self.opened.crop is None else self.work.settings.get("crop")
+        return _State(self.gestures, zlib.compress(self.labels.tobytes(), 1), crop)
+
     def _step(self, source: list[_State], target: list[_State]) -> Change:
         if source:
             state = source.pop()
-            target.append(_State(self.gestures, zlib.compress(self.labels.tobytes(), 1)))
+            target.append(self._state())
             self.gestures = state.gestures
+            if state.crop is not None:
+                self.work.settings["crop"] = self.opened.take_crop(state.crop)
             self.labels = _unpacked(state.labels, self.shape)
             self._held, _ = self._with_strokes(self._labelling, self.strokes)
             self._save()
@@ -232,13 +245,6 @@ class Session:
     ) -> tuple[ts.layers.Labelling, tuple[int, ...]]:
         transforms = [one.whole for one in self.opened.transforms]
         return ts.layers.apply_strokes(problem, strokes, self.opened.joined.canvas, transforms)
-
-    def _solved(
-        self, problem: ts.layers.Labelling, strokes: Sequence[ts.layers.Stroke]
-    ) -> tuple[Labels, bool]:
-        """Return the labels in a window round strokes on a problem, and whether they change nothing."""
-        asked, lost = self._with_strokes(problem, strokes)
-        return self._recut(asked), bool(lost)
 
     def _recut(
         self,
@@ -254,18 +260,14 @@ class Session:
         """Return how labels differ from those that the page shows, and take them as shown."""
         differs = labels != self._shown
         if not differs.any():
-            none = Box(0, 0, 0, 0)
-            return Change(none, np.zeros((0, 0), np.uint8), none, np.zeros((0, 0), np.uint8), lost)
+            return Change(_NOWHERE, _NOTHING, _NOWHERE, _NOTHING, lost)
         box = Box.of(*box_of(differs))
         squares = self._likeness.update(self._labelling, labels, box)
         self._shown = labels.copy()
-        return Change(
-            box,
-            (labels[box.slices] + 1).astype(np.uint8),
-            squares,
-            np.ascontiguousarray(self._likeness.squares[squares.slices]),
-            lost,
-        )
+        return Change(box, (labels[box.slices] + 1).astype(np.uint8), squares, self._squares(squares), lost)
+
+    def _squares(self, box: Box) -> np.ndarray:
+        return np.ascontiguousarray(self._likeness.squares[box.slices])
 
     def _save(self) -> None:
         self.work.gestures = [[_plain(stroke) for stroke in gesture] for gesture in self.gestures]
@@ -287,8 +289,10 @@ class Session:
         self.gestures = [gesture for gesture in there if gesture]
         if not self.gestures:
             return
-        blank = zlib.compress(self.labels.tobytes(), 1)
-        self._past = [_State(self.gestures[:k], blank) for k in range(len(self.gestures))]
+        blank = self._state()
+        self._past = [
+            dataclasses.replace(blank, gestures=self.gestures[:k]) for k in range(len(self.gestures))
+        ]
         seen = self.opened.labels()
         if seen is not None:
             self.labels = seen

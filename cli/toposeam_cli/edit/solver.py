@@ -114,6 +114,7 @@ class _Solver:
             self._stroke(session, message)
         elif kind in ("undo", "redo"):
             self._change(session.undo() if kind == "undo" else session.redo())
+            self._crop(session)
             self._rest(session)
         elif kind == "refresh":
             self._change(session.refresh())
@@ -125,7 +126,10 @@ class _Solver:
         elif kind == "crop":
             if session.opened.crop is not None:
                 session.crop_to(message["box"])
-                self._say("crop", {"box": session.opened.crop})
+                self._change(session.refresh())
+                self._crop(session)
+                if session.opened.has_holes(session.opened.crop):
+                    self._say("told", {"word": "crop_holes"})
         elif kind == "horizon":
             horizon = horizon_of(np.array(message["points"]), session.labels, session.opened.transforms)
             if horizon is not None:
@@ -178,7 +182,12 @@ class _Solver:
     def _blend(self, session: Session, box: list[int]) -> None:
         part = Box(box[0], box[1], box[2], box[3]).shared(Box(0, 0, *session.shape))
         if min(part.shape) > 0:
-            self._say("blend", {"box": list(part)}, [jpeg(session.blended(part))])
+            pixels = session.blended(part)
+            self._say("blend", {"box": list(part)}, [jpeg(pixels)])
+            judged = session.judge(part, pixels)
+            if judged.likeness.size:
+                self._change(judged)
+                self._rest(session)
 
     def _change(self, change: Change, own: dict[str, Any] | None = None) -> None:
         session = self._session
@@ -192,6 +201,11 @@ class _Solver:
             **(own or {}),
         }
         self._say("state", head, [change.labels.tobytes(), change.likeness.tobytes()])
+
+    def _crop(self, session: Session) -> None:
+        """Say where the crop lies that was drawn, if one was."""
+        if session.opened.crop is not None:
+            self._say("crop", {"box": session.opened.crop})
 
     def _rest(self, session: Session) -> None:
         """Say what is not needed while a stroke grows: the worst places and all strokes."""

@@ -118,6 +118,15 @@ def discs_of(mask: Mask) -> list[tuple[float, float, float]]:
     return found
 
 
+def under(stroke: ts.layers.Stroke, transform: CanvasTransform, points: Floats, radius: float) -> Mask:
+    """(n,) bool: which points of a stroke lie under a stroke of the canvas."""
+    own, width = on_canvas(stroke, transform)
+    if len(own) != len(stroke.points):
+        return np.zeros(len(stroke.points), bool)
+    distance = np.linalg.norm(own[:, np.newaxis] - points[np.newaxis], axis=2).min(axis=1)
+    return np.asarray(distance < radius + width / 2)
+
+
 def without(strokes: Sequence[ts.layers.Stroke], rubbed: Sequence[Mask]) -> list[ts.layers.Stroke]:
     """Return what is left of strokes; `rubbed` says per stroke, (n,) bool, which of its points are gone."""
     left: list[ts.layers.Stroke] = []

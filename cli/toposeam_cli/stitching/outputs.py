@@ -296,14 +296,16 @@ def foreign_to(suffix: str) -> set[str]:
     return whole | {name for name, suffixes in of_formats.items() if suffix not in suffixes}
 
 
-def crop_of(out: Outputs, layers: Sequence[ts.Layer], *, goes_round: bool) -> str:
-    """Return the crop of the picture; refuse in advance one that the format of the output cannot hold."""
+def crop_of(out: Outputs, layers: Sequence[ts.Layer], wrap: int | None) -> str:
+    """Return the crop of the picture; refuse in advance one that the format of the output cannot hold. `wrap`
+    is the width of a round canvas, px.
+    """
     if out.crop == "fit":
         return "fit"
     if (box := box_of_crop(out.crop)) is not None:
-        _check_box(out, layers, box)
+        _check_box(out, layers, box, wrap)
         return str(out.crop)
-    if goes_round:
+    if wrap is not None:
         keeps_holes = out.fill_edges is None and (out.has_alpha or out.background is not None)
         return out.crop or ("outside" if keeps_holes else "inside")
     if out.fill_edges is not None:
@@ -340,13 +342,13 @@ def box_of_crop(crop: str | None) -> Box | None:
     return Box(top, left, top + height, left + width)
 
 
-def _check_box(out: Outputs, layers: Sequence[ts.Layer], box: Box) -> None:
+def _check_box(out: Outputs, layers: Sequence[ts.Layer], box: Box, wrap: int | None) -> None:
     """Refuse a box that shows nothing, or holes that the format of the output cannot hold."""
-    from toposeam.layers.canvas.canvas import extent_of
     from toposeam.layers.canvas.layer import Box
     from toposeam.layers.canvas.tile_map import blocks
 
-    (height, width), opaque = extent_of(layers).shape, _opaque(layers)
+    opaque = _opaque(layers, wrap)
+    height, width = opaque.shape
     shown = box.shared(Box(0, 0, height, width))
     parts = list(blocks(shown)) if min(shown.shape) > 0 else []
     if not any(opaque[part.slices].any() for part in parts):
@@ -360,14 +362,17 @@ def _check_box(out: Outputs, layers: Sequence[ts.Layer], box: Box) -> None:
         )
 
 
-def _opaque(layers: Sequence[ts.Layer]) -> npt.NDArray[np.bool_]:
-    """(H, W) bool mask, True where some layer is opaque."""
+def _opaque(layers: Sequence[ts.Layer], wrap: int | None = None) -> npt.NDArray[np.bool_]:
+    """(H, W) bool mask, True where some layer is opaque; perhaps of a round canvas of a width, px."""
     from toposeam.images import full_scale
-    from toposeam.layers.canvas.canvas import extent_of
+    from toposeam.layers.canvas.canvas import common_canvas, extent_of
     from toposeam.layers.canvas.layer import Box
     from toposeam.layers.canvas.tile_map import blocks, cover_of, new_map
 
     canvas = extent_of(layers)
+    if wrap is not None:
+        canvas = common_canvas(layers, max_megapixels=1e12, wrap=wrap)
+    whole, turns = Box(0, 0, *canvas.shape), (0,) if wrap is None else (0, -wrap)
     opaque = new_map(canvas.shape, False, bool)
     for layer, place in zip(layers, canvas.places, strict=True):
         full, cover = full_scale(layer.image.dtype), cover_of(layer)
@@ -377,8 +382,11 @@ def _opaque(layers: Sequence[ts.Layer]) -> npt.NDArray[np.bool_]:
                 if layer.alpha is None
                 else cover[box.slices] & (layer.alpha[box.slices] >= full)
             )
-            at = box.moved(*place[:2]).slices
-            opaque[at] = opaque[at] | here
+            for turn in turns:
+                moved = box.moved(place.top, place.left + turn)
+                part = moved.shared(whole)
+                if min(part.shape) > 0:
+                    opaque[part.slices] = opaque[part.slices] | here[part.within(moved)]
     return opaque
 
 

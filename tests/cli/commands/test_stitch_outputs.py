@@ -74,6 +74,21 @@ def test_a_crop_with_holes_needs_transparency(folder, toposeam):
     assert read_picture("box.png").alpha is not None
 
 
+def test_a_crop_of_a_whole_turn_has_what_goes_round(folder, toposeam):
+    turn = np.tile(np.random.default_rng(0).integers(100, 110, (90, 200, 3), np.uint8), (1, 4, 1))
+    text = '[view]\nprojection = "sphere"\nradius = 63.7\nwrap = 400\n'
+    for number, (left, top) in enumerate(((0, 30), (120, 0), (250, 0))):
+        write_picture(f"{number}.png", Picture(pixels=turn[top:, left : left + 190]))
+        text += f'\n[[layer]]\nfile = "{number}.png"\nat = [{left}, {top}]\n'
+    (folder / "round.toml").write_text(text)
+    ran = toposeam("stitch", "round.toml", "-o", "rows.jpg", "--crop", "0,30,400,40")
+    assert ran.code == 0, ran.err
+    assert read_picture("rows.jpg").pixels.shape == (40, 400, 3)
+    assert toposeam("stitch", "round.toml", "-o", "beyond.jpg", "--crop", "0,0,40,60").code == 0
+    ran = toposeam("stitch", "round.toml", "-o", "no.jpg", "--crop", "0,0,100,60")
+    assert "partly transparent" in ran.err
+
+
 @pytest.mark.parametrize("kind", ["sixteen bit gray", "float", "transparent"])
 def test_an_overlay_of_any_picture_is_eight_bit_colour(folder, toposeam, photographs, kind):
     for name, pixels in zip("cd", photographs, strict=True):

@@ -346,6 +346,11 @@ def test_a_crop_is_drawn(works, tmp_path):
                 break
             page.wait_for_timeout(50)
         assert crop.startswith(f"{round(left)},")
+        page.keyboard.press("Control+z")
+        until(page, f"window.toposeam.crop.box.left < {left} - 4")
+        assert page.evaluate("window.toposeam.crop.box.right") == pytest.approx(right, abs=0.6)
+        page.keyboard.press("Control+y")
+        until(page, f"Math.abs(window.toposeam.crop.box.left - {left}) < 1")
         page.reload()
         until(page, "!!(window.toposeam?.crop?.box && window.toposeam.paths.length)")
         page.keyboard.press("Control+s")

@@ -254,6 +254,9 @@ def test_a_canvas_that_goes_all_the_way_round(tmp_path, works):
     session.settle()
     assert session.labels[60, 20] == other
     np.testing.assert_array_equal(Session(session.work).labels, session.labels)
+    assert session.opened.inside() == [0, 0, 400, 120]
+    session.crop_to([30, 20, 100, 60])  # of a whole turn only rows are cropped
+    assert session.work.settings["crop"] == "0,20,400,60"
 
 
 def test_a_crop_is_on_disk_and_in_the_layout(tmp_path, works, monkeypatch):
@@ -269,6 +272,58 @@ def test_a_crop_is_on_disk_and_in_the_layout(tmp_path, works, monkeypatch):
     assert read_layout(session.work.layout).options["crop"] == text
     again = Session(read_work(session.work.folder))
     np.testing.assert_allclose(again.opened.crop, [20, 10, 60, 40], atol=0.6)
+
+
+def test_undo_and_redo_of_a_drawn_crop(session):
+    session.crop_to([0, 0, 300, 180])
+    assert session.can == {"undo": 0, "redo": 0}  # it was chosen, not drawn
+    session.crop_to([20, 10, 60, 40])
+    session.paint([show(1 - int(session.labels[60, 160]), 160.0, 60.0)])
+    session.settle()
+    session.crop_to([30, 10, 60, 40])
+    crops = [session.opened.crop]
+    while session.can["undo"]:
+        session.undo()
+        crops.append(session.opened.crop)
+    assert crops == [[30, 10, 60, 40], [20, 10, 60, 40], [20, 10, 60, 40], [0, 0, 300, 180]]
+    assert session.strokes == []
+    for _ in range(3):
+        session.redo()
+    assert read_work(session.work.folder).settings["crop"] == "30,10,60,40"
+    assert len(session.strokes) == 1
+
+
+def test_a_step_of_tone_is_a_place_to_look_at(tmp_path, works):
+    plain = np.random.default_rng(3).integers(118, 123, (160, 300, 3)).astype(np.uint8)
+    Image.fromarray(plain[:, :200]).save(tmp_path / "left.png")
+    Image.fromarray(plain[:, 100:] + np.uint8(5)).save(tmp_path / "right.png")
+    layers = "".join(
+        f'[[layer]]\nfile = "{name}.png"\nat = [{left}, 0]\n' for name, left in (("left", 0), ("right", 100))
+    )
+    (tmp_path / "two.toml").write_text(f'[stitch]\nblend = "none"\n\n{layers}')
+    session = Session(work_of([tmp_path / "two.toml"]))
+    change, whole = session.all(), Box(0, 0, *session.shape)
+    assert session.worst() == []  # the pictures are alike
+    assert (change.likeness[change.likeness < 255] > 127).all()
+    judged = session.judge(whole, session.blended(whole))
+    assert judged.labels.size == 0
+    assert (judged.likeness[judged.likeness < 255] < 127).all()
+    assert session.opened.joined.verdict.step > 1
+    assert session.worst()
+    assert not session.worst()[0].done
+    even = np.full((*session.shape, 3), 120, np.uint8)
+    session.judge(whole, even)
+    assert all(place.done for place in session.worst())
+
+
+def test_part_of_a_picture_is_judged_by_itself(session):
+    whole, part = Box(0, 0, *session.shape), Box(0, 64, 128, 256)
+    session.all()
+    pixels = session.blended(whole)
+    first = session.judge(whole, pixels).likeness
+    second = session.judge(part, pixels[part.slices])
+    assert second.squares == Box(0, 8, 4, 12)  # a step of its edges may be that of the box
+    np.testing.assert_array_equal(second.likeness, first[second.squares.slices])
 
 
 def test_too_many_pictures_are_refused():

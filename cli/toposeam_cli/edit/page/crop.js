@@ -1,4 +1,5 @@
 // The crop on the picture: a box with eight handles, which are buttons, so that touch and keys move them, too.
+// A whole turn keeps its width: it has two.
 import { make, word } from './words.js';
 
 const LEAST = 8; // px of the canvas
@@ -7,7 +8,8 @@ const HANDLES = [['left'], ['right'], ['top'], ['bottom'], ['left', 'top'], ['ri
 export class Crop {
   constructor(seams, box) {
     this.seams = seams;
-    this.handles = HANDLES.map(sides => {
+    this.sides = seams.scene.round ? HANDLES.filter(([side, more]) => !more && (side === 'top' || side === 'bottom')) : HANDLES;
+    this.handles = this.sides.map(sides => {
       const name = sides.map(side => word(`crop_${side}`)).join(', ');
       const handle = make('button', { className: `handle ${sides.join(' ')}`, hidden: true, title: name, 'aria-label': name });
       handle.onpointerdown = event => { if (seams.shell.owner) handle.setPointerCapture(event.pointerId); event.stopPropagation(); };
@@ -73,7 +75,7 @@ export class Crop {
       pen.strokeRect(left, top, right - left, bottom - top);
     }
     const middle = { x: (left + right) / 2, y: (top + bottom) / 2 };
-    HANDLES.forEach((sides, k) => {
+    this.sides.forEach((sides, k) => {
       const flat = sides.find(side => side === 'left' || side === 'right'), upright = sides.find(side => side === 'top' || side === 'bottom');
       const at = camera.toScreen(flat ? this.box[flat] : middle.x, upright ? this.box[upright] : middle.y);
       Object.assign(this.handles[k].style, { left: `${at.x}px`, top: `${at.y}px` });

@@ -133,7 +133,7 @@ export class Panels {
   // --- more
   settings() {
     const { seams } = this, chosen = { ...seams.scene.settings, ...(seams.scene.crop && { crop: 'box' }) };
-    const rows = Object.entries(SETTINGS).filter(([name]) => !(seams.scene.placed && PLACING.includes(name))).map(([name, values]) => this.select(name, seams.scene.round && name === 'crop' ? values.slice(0, -1) : values, chosen[name] ?? values[0], value => `${name}_${value}`, () => this.apply()));
+    const rows = Object.entries(SETTINGS).filter(([name]) => !(seams.scene.placed && PLACING.includes(name))).map(([name, values]) => this.select(name, values, chosen[name] ?? values[0], value => `${name}_${value}`, () => this.apply()));
     const format = seams.shell.output ? null : this.select('format', ['jpg', 'png', 'tif', 'webp'], seams.shell.format, value => value.toUpperCase(), value => { seams.shell.format = value; });
     const horizon = make('button', { id: 'horizon', title: word('horizon_help'), onclick: () => { this.hide('more'); seams.choose('horizon'); seams.shell.say(word('horizon_help')); } }, word('horizon'));
     const others = make('button', { onclick: () => seams.shell.send({ kind: 'start' }) }, word('choose_others'));

@@ -106,10 +106,8 @@ export class Seams {
     const across = Math.ceil(this.picture.width / SQUARE);
     for (let row = top, k = 0; row < bottom; row++) for (let column = left; column < right; column++, k++) this.squares[row * across + column] = blocks[1][k];
     this.picture.put(head.box, blocks[0]);
-    if (head.box[2] > head.box[0]) {
-      this.paths = seamPaths(this.picture.labels, this.picture.width, this.picture.height, this.squares);
-      this.unsettled = this.unsettled ? around(this.unsettled, head.box) : head.box;
-    }
+    if (head.box[2] > head.box[0]) this.unsettle(head.box);
+    if (bottom > top) this.paths = seamPaths(this.picture.labels, this.picture.width, this.picture.height, this.squares);
     if (head.lost) this.shell.say(word('no_pixels_there'));
     if (head.id != null && head.id === this.sent?.id) {
       this.waiting = false;
@@ -139,8 +137,10 @@ export class Seams {
     }, REST_MS);
   }
 
+  unsettle(box) { this.unsettled = this.unsettled ? around(this.unsettled, box) : box; }
+
   async blended(box, block) {
-    if (this.stroke || this.unsettled) return; // it shows what was; another comes
+    if (this.stroke || this.unsettled) { this.unsettle(box); return; } // it shows what was; another comes
     await this.picture.overlay(box, block);
     this.settled = true;
     this.panels.list();
@@ -379,8 +379,7 @@ export class Seams {
     else if (key === '[' || key === ']') this.resize(this.radius * (key === ']' ? 1.2 : 1 / 1.2));
     else if (key === 's') this.toggleSeams();
     else if (key === 'a') this.showBefore(true);
-    else if (key === 'j') this.panels.step(1);
-    else if (key === 'k') this.panels.step(-1);
+    else if (key === 'j') this.panels.step(event.shiftKey ? -1 : 1);
     else if (key === 'o') this.panels.otherWay();
     else if (key === '0') this.fit();
     else if (key === '+' || key === '-') this.camera.zoom(key === '+' ? 1.25 : 0.8, innerWidth / 2, innerHeight / 2);

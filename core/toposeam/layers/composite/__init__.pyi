@@ -1,7 +1,7 @@
 from .composition import WINDOW_BLOCKS, Composition
 from .options import MOST_BENT, StitchOptions
 from .restitch import restitch
-from .seams import SeamOutline
+from .seams import SeamOutline, steps_along
 from .sinks import ArraySink, Sink
 from .stitch import composed_of_masks, stitch
 from .summary import pair_name, seams_svg
@@ -18,5 +18,6 @@ __all__ = [
     "pair_name",
     "restitch",
     "seams_svg",
+    "steps_along",
     "stitch",
 ]

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
 from toposeam.arrays import Image, Labels
 from toposeam.images import box_of
@@ -115,7 +116,21 @@ def with_steps(
     window: Callable[[slice, slice], Image],
     verdicts: Mapping[Pair, Verdict],
 ) -> dict[Pair, Verdict]:
-    """Return verdicts with the steps of tone, hue and grain that the joined picture shows.
+    """Return verdicts with the steps of tone, hue and grain that the joined picture shows; parameters of
+    :func:`steps_along`, and the verdict on each seam, by its likeness.
+    """
+    steps = steps_along(canvas, labels, view, window, verdicts)
+    return {pair: one.with_steps(steps[pair]) for pair, one in verdicts.items()}
+
+
+def steps_along(
+    canvas: Canvas,
+    labels: Labels,
+    view: Box,
+    window: Callable[[slice, slice], Image],
+    pairs: Collection[Pair],
+) -> dict[Pair, npt.NDArray[np.float64]]:
+    """Measure the steps of tone, hue and grain along seams that the joined picture shows.
 
     Parameters
     ----------
@@ -126,16 +141,21 @@ def with_steps(
         The part of the canvas that is shown.
     window : callable
         Returns the pixels of rows and columns of the picture, which begins at the view's corner.
-    verdicts : mapping
-        The verdict on each seam, by its likeness.
+    pairs : collection of (int, int)
+        The layers that each seam divides.
+
+    Returns
+    -------
+    dict of (int, int) to (K, 3) float arrays
+        x, y on the canvas, px, and step of each piece of the seam: 1 is just seen.
     """
-    steps = {pair: [np.zeros((0, 3))] for pair in verdicts}
+    steps = {pair: [np.zeros((0, 3))] for pair in pairs}
     shown = view.shared(canvas.box)
     found = list(several(labels, shown, side=BLOCK)) if min(shown.shape) > 0 else []
     for block in found[:: -(-len(found) // _MOST_BLOCKS) or 1]:
         part = labels[block.slices]
         here = set(np.unique(part).tolist())
-        for pair in (pair for pair in verdicts if here.issuperset(pair)):
+        for pair in (pair for pair in pairs if here.issuperset(pair)):
             border = adjoining(*(part == index for index in pair))
             if not border.any():
                 continue
@@ -151,4 +171,4 @@ def with_steps(
                 layers[0].white,
             )
             steps[pair].append(np.add(beside, (box.left, box.top, 0)))
-    return {pair: one.with_steps(np.concatenate(steps[pair])) for pair, one in verdicts.items()}
+    return {pair: np.concatenate(found) for pair, found in steps.items()}

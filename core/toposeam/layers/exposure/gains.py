@@ -80,6 +80,8 @@ _POWERS, _ROUND_SIZE = (2, 4), 1.0
 #: One standard deviation of the coefficients and of their second differences: of the part that all layers
 #: share, and of a layer's own.
 _SHARED_SIZES, _OWN_SIZES = (0.1, 0.05), (0.04, 0.02)
+#: Unknowns at most whose equations are dense: sparse ones take several times as long to build.
+_DENSE = 256
 #: Rounds of reweighting, and the residual, a logarithm, at which a block counts half.
 _ROUNDS, _HALF_WEIGHT = 6, 0.07
 
@@ -304,13 +306,17 @@ def fit_fields(places: Sequence[Box], ratios: Ratios) -> list[Floats]:
     each = sparse.csr_array((values, (rows, columns)), shape=(len(found), len(places) * SPLINES**2))
     wanted, trust = (np.array([block[k] for block in found]) for k in (2, 3))
     parts = _parts(places)
-    matrix = each @ parts
-    prior = _prior(len(places))
+    matrix: Any = each @ parts
+    prior: Any = _prior(len(places))
+    dense = parts.shape[1] <= _DENSE
+    if dense:
+        matrix, prior = matrix.toarray(), prior.toarray()
     solution = np.zeros(parts.shape[1])
     for _ in range(_ROUNDS):
         residual = (matrix @ solution - wanted) / _HALF_WEIGHT
         weighted = matrix.T @ sparse.diags_array(trust / (1 + residual**2) / _NOISE**2)
-        solution = linalg.spsolve((weighted @ matrix + prior).tocsc(), weighted @ wanted)
+        system, right = weighted @ matrix + prior, weighted @ wanted
+        solution = np.linalg.solve(system, right) if dense else linalg.spsolve(system.tocsc(), right)
     return list((parts @ solution).reshape(-1, SPLINES, SPLINES))
 
 
@@ -384,8 +390,15 @@ def _blocks(
             known = block[np.isfinite(block)]
             if len(known) >= _LEAST_BLOCK_SAMPLES:
                 weight = min(1.0, len(known) * step**2 / whole)
-                found.append((unknowns, factors[row, column], float(np.median(known)), weight))
+                found.append((unknowns, factors[row, column], _median(known), weight))
     return found
+
+
+def _median(values: Floats) -> float:
+    """Return the median of some hundred values; what np.median checks besides takes ten times as long."""
+    low, high = (len(values) - 1) // 2, len(values) // 2
+    ordered = np.partition(values, high if low == high else (low, high))
+    return float(ordered[low] + ordered[high]) / 2
 
 
 def _prior(count: int) -> sparse.csr_array:

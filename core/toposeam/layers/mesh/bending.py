@@ -22,8 +22,9 @@ from toposeam.seam.result.seam import Seam
 
 #: px: scales of the robust weights of matches, first and after a flow.
 _SCALES, _LATER = (1e9, 10.0, 3.0), (3.0,)
-#: Largest cost of the first seam of bent pictures ÷ that of the plain one, for another round to follow.
-_DEARER = 1.1
+#: Largest cost of the first and of the second seam of bent pictures ÷ that of the plain one, for another
+#: round to follow: no later round was seen to take more than a quarter away.
+_DEARER = 1.1, 0.8
 #: Rounds of flow.
 _ROUNDS = 2
 #: Least length of a line, px of the reduced picture.
@@ -81,8 +82,7 @@ def bent(
         own = float(seam.cost)
         if own < least and folding(meshes) > _LEAST_AREA:
             best, least = tuple(meshes), own
-        hopeless = own > (_DEARER if number == 0 else 1.0) * cost
-        if number == _ROUNDS or not is_seen(seam, most) or hopeless:
+        if number == _ROUNDS or own > _DEARER[number] * cost or not is_seen(seam, most):
             break
         flow = _flow(copies, scales, meshes, (seam, layers))
         meshes = solved(meshes, lines, points, _LATER, flow)

@@ -12,8 +12,11 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import scipy
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree, shortest_path
@@ -148,6 +151,8 @@ class _Points:
     q: Floats
     #: (K,) share of the features that agree ÷ px of uncertainty.
     weight: Floats
+    #: (P + 1,) number of the first point of each pair, and last of all points.
+    starts: Indices
 
     @classmethod
     def of(cls, matches: Mapping[Pair, Match]) -> _Points:
@@ -156,6 +161,8 @@ class _Points:
         largest = max(match.share for match in matches.values())
         parts = []
         for (i, j), match in matches.items():
+            if not len(match.first):
+                continue
             chosen = np.sort(rng.permutation(len(match.first))[:_POINTS])
             uncertainty = np.broadcast_to(match.uncertainty, len(match.first))[chosen]
             parts.append(
@@ -167,7 +174,8 @@ class _Points:
                     match.share / largest / uncertainty,
                 )
             )
-        return cls(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+        first, second, p, q, weight = (np.concatenate(column) for column in zip(*parts, strict=True))
+        return cls(first, second, p, q, weight, np.cumsum([0, *(len(part[0]) for part in parts)]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -209,22 +217,22 @@ class _Problem:
         return np.concatenate([[self.free_focal, self.free_distortion], own.ravel()])
 
     def matrices(self, unknowns: Floats) -> Floats:
-        """Return the (N, 3, 3) matrices of a vector of unknowns."""
-        own = unknowns[2:].reshape(len(self.sizes), -1)
+        """Return the (..., N, 3, 3) matrices of (..., U) unknowns."""
+        own = unknowns[..., 2:].reshape(*unknowns.shape[:-1], len(self.sizes), -1)
         if self.family == "rotation":
-            vectors = own[:, :3] * self._per_shift(float(unknowns[0]))
-            return np.asarray(_turns(vectors) / _diagonals(self.focals(unknowns))[:, np.newaxis])
-        ones = np.ones((len(own), 1))
-        return np.asarray(np.concatenate([own, ones], axis=1).reshape(-1, 3, 3) @ self._normal)
+            vectors = own[..., :3] * self._per_shift(unknowns[..., 0])[..., np.newaxis, :]
+            return np.asarray(_turns(vectors) / _diagonals(self.focals(unknowns))[..., np.newaxis, :])
+        ones = np.ones((*own.shape[:-1], 1))
+        plain = np.concatenate([own, ones], axis=-1).reshape(*own.shape[:-1], 3, 3)
+        return np.asarray(plain @ self._normal)
 
     def focals(self, unknowns: Floats) -> Floats:
-        """Return the (N,) focal lengths of the cameras, px."""
-        return np.asarray(np.exp(unknowns[0] + unknowns[5::4]))
+        """Return the (..., N) focal lengths of the cameras, px."""
+        return np.asarray(np.exp(unknowns[..., :1] + unknowns[..., 5::4]))
 
-    def _per_shift(self, log_focal: float) -> Floats:
-        """Return the (3,) turns, rad, that move a picture by half its larger side; 1 about the axis."""
-        shift = float(self.sizes.max()) / 2 * math.exp(-log_focal)
-        return np.array([shift, shift, 1.0])
+    def _per_shift(self, log_focal: npt.ArrayLike) -> Floats:
+        """Return the (..., 3) turns, rad, that move a picture by half its larger side; 1 about the axis."""
+        return _diagonals(float(self.sizes.max()) / 2 * np.exp(-np.asarray(log_focal)))
 
     @property
     def _normal(self) -> Floats:
@@ -270,65 +278,101 @@ class _Problem:
     def _mapped(self, matrices: Floats, distortion: float) -> tuple[Floats, Floats, Floats]:
         """Map the first points to the second pictures, (K, 3), beside the ideal second and first points."""
         p, q = self.ideal(distortion)
-        scene = np.einsum("kij,kj->ki", matrices[self.points.first], np.append(p, np.ones((len(p), 1)), 1))
-        mapped = np.einsum("kij,kj->ki", np.linalg.inv(matrices)[self.points.second], scene)
+        starts = self.points.starts
+        first, second = (index[starts[:-1]] for index in (self.points.first, self.points.second))
+        between = (np.linalg.inv(matrices)[second] @ matrices[first]).repeat(np.diff(starts), axis=0)
+        mapped = np.einsum("kij,kj->ki", between[:, :, :2], p) + between[:, :, 2]
         # Points behind the camera come to lie far away, from where the loss leads back smoothly.
         mapped[:, 2] = np.where(mapped[:, 2] > 0.02, mapped[:, 2], 0.02)
         return mapped, q, p
 
-    def jacobian(self, unknowns: Floats) -> csr_array:
-        """Compute the derivatives of :meth:`residuals` by the free unknowns."""
+    def jacobian(self, unknowns: Floats) -> tuple[Floats, Indices]:
+        """Compute the derivatives of the first 2 K of :meth:`residuals`.
+
+        Returns
+        -------
+        values : (K, 2, C) float array
+            Of a point's distances in x and y, by the unknowns of its pair.
+        columns : (P, C) int array
+            Numbers of the unknowns of each pair.
+        """
         points, each = self.points, self.each
-        matrices, distortion = self.matrices(unknowns), float(unknowns[1])
-        mapped, q, p = self._mapped(matrices, distortion)
-        inverse = np.linalg.inv(matrices)[points.second]
+        distortion = float(unknowns[1])
         moving = 3 if self.family == "rotation" and not self.free_zoom else each
         # By the picture's own unknowns, and last by the focal length, which all share.
         steps = np.zeros((moving + 1, len(unknowns)))
         for number in range(moving):
             steps[number, 2 + number :: each] = _STEP
         steps[moving, 0] = _STEP
-        slopes = np.stack(
-            [
-                (self.matrices(unknowns + step) - self.matrices(unknowns - step)) / (2 * _STEP)
-                for step in steps
-            ],
-            axis=1,
-        )
+        around = self.matrices(np.concatenate([[unknowns], unknowns + steps, unknowns - steps]))
+        matrices = around[0]
+        slopes = (around[1 : moving + 2] - around[moving + 2 :]).swapaxes(0, 1) / (2 * _STEP)
+        mapped, q, p = self._mapped(matrices, distortion)
+        inverse = np.linalg.inv(matrices)[points.second]
         scene = np.append(p, np.ones((len(p), 1)), axis=1)
         back = inverse.transpose(0, 2, 1)
-        moves = (
-            np.einsum("knbc,kc->knb", slopes[points.first], scene) @ back,
-            -np.einsum("knbc,kc->knb", slopes[points.second], mapped) @ back,
-        )
-
-        def projected(move: Floats) -> Floats:
-            """Project moves of mapped points: (K, n, 2) px ÷ uncertainty."""
-            slope = move[..., :2] - (mapped[:, :2] / mapped[:, 2:])[:, np.newaxis] * move[..., 2:]
-            return np.asarray(slope / mapped[:, np.newaxis, 2:] * points.weight[:, np.newaxis, np.newaxis])
-
-        rows, columns, values = [], [], []
-        numbers = np.arange(2 * len(p)).reshape(-1, 2)
-        for index, move in zip((points.first, points.second), moves, strict=True):
-            slope = projected(move)
-            own = 2 + each * index[:, np.newaxis] + np.arange(moving + 1)
-            own[:, moving] = 0
-            rows.append(np.broadcast_to(numbers[:, np.newaxis, :], slope.shape).ravel())
-            columns.append(np.broadcast_to(own[..., np.newaxis], slope.shape).ravel())
-            values.append(slope.ravel())
+        # by the unknowns of the first picture, of the second, and by those that all share
+        moves = np.empty((len(p), 2 * moving + 2, 3))
+        first = (slopes[points.first] @ scene[:, np.newaxis, :, np.newaxis])[..., 0] @ back
+        second = (slopes[points.second] @ mapped[:, np.newaxis, :, np.newaxis])[..., 0] @ back
+        moves[:, :moving], moves[:, moving : 2 * moving] = first[:, :moving], -second[:, :moving]
+        moves[:, -2] = first[:, moving] - second[:, moving]
+        moves[:, -1] = 0
         if self.free_distortion:
             bent_p, bent_q = self._bent(points.first, p, distortion), self._bent(points.second, q, distortion)
             between = (inverse @ matrices[points.first])[..., :2]
-            slope = projected(np.einsum("kab,kb->ka", between, bent_p)[:, np.newaxis])[:, 0]
-            values.append((slope - bent_q * points.weight[:, np.newaxis]).ravel())
-            rows.append(numbers.ravel())
-            columns.append(np.ones(numbers.size, int))
-        rows.append(np.array([2 * len(p)]))
-        columns.append(np.array([0]))
-        values.append(np.array([1 / self.deviation]))
-        entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
-        whole_matrix = csr_array(entries, shape=(2 * len(p) + 1, len(unknowns)))
-        return whole_matrix[:, np.flatnonzero(self.free)]
+            moves[:, -1] = (between @ bent_p[..., np.newaxis])[..., 0]
+        # of the mapped points, px ÷ uncertainty
+        moves[..., :2] -= (mapped[:, :2] / mapped[:, 2:])[:, np.newaxis] * moves[..., 2:]
+        values = moves[..., :2] / mapped[:, np.newaxis, 2:]
+        if self.free_distortion:
+            values[:, -1] -= bent_q
+        values *= points.weight[:, np.newaxis, np.newaxis]
+        pairs = points.starts[:-1, np.newaxis]
+        own = 2 + np.arange(moving)
+        shared = np.broadcast_to([0, 1], (len(pairs), 2))
+        columns = np.concatenate(
+            [own + each * points.first[pairs], own + each * points.second[pairs], shared], axis=1
+        )
+        return np.ascontiguousarray(values.swapaxes(1, 2)), columns
+
+    def equations(
+        self, unknowns: Floats, weights: Floats, residuals: Floats, *, dense: int = 256
+    ) -> tuple[Floats | csr_array, Floats]:
+        """Compute the normal equations JᵀWJ x = -Jᵀr of all unknowns, pair by pair.
+
+        Parameters
+        ----------
+        unknowns : (U,) float array
+        weights, residuals : (2 K + 1,) float arrays
+        dense : int
+            Unknowns at most whose matrix is dense: sparse ones take several times as long to build.
+
+        Returns
+        -------
+        matrix : (U, U) array, dense or sparse
+        slope : (U,) float array
+            Jᵀr.
+        """
+        values, columns = self.jacobian(unknowns)
+        count, each, starts = len(unknowns), columns.shape[1], self.points.starts
+        weighted = values * weights[:-1].reshape(-1, 2, 1)
+        blocks = [
+            values[start:end].reshape(-1, each).T @ weighted[start:end].reshape(-1, each)
+            for start, end in pairwise(starts.tolist())
+        ]
+        matrix: Any = np.zeros((count, count))
+        if count <= dense:
+            for block, own in zip(blocks, columns, strict=True):
+                matrix[own[:, np.newaxis], own] += block
+        else:
+            at = np.repeat(columns, each, axis=1).ravel(), np.tile(columns, each).ravel()
+            matrix = csr_array((np.concatenate(blocks).ravel(), at), shape=(count, count))
+        pulls = np.einsum("kac,ka->kc", values, residuals[:-1].reshape(-1, 2))
+        slope = np.bincount(columns.ravel(), np.add.reduceat(pulls, starts[:-1]).ravel(), count)
+        matrix[0, 0] += weights[-1] / self.deviation**2
+        slope[0] += residuals[-1] / self.deviation
+        return matrix, np.asarray(slope, float)
 
     def _bent(self, index: Indices, ideal: Floats, distortion: float) -> Floats:
         """Compute the (K, 2) derivatives by b of points free of distortion b; r (b r² + 1 - b) stays."""
@@ -358,12 +402,11 @@ class _Problem:
         where, unknowns, damping = np.flatnonzero(self.free), start, 1e-3
         residuals, loss = loss_of(unknowns)
         for _ in range(_STEPS):
-            jacobian = self.jacobian(unknowns)
             far = np.square(residuals / scale)
             weights = 1 / (1 + far)
             curvature = np.maximum((1 - far) * weights**2, least * weights)
-            normal = jacobian.multiply(curvature[:, np.newaxis]).tocsr().T @ jacobian
-            slope = jacobian.T @ (weights * residuals)
+            normal, slope = self.equations(unknowns, curvature, weights * residuals)
+            normal, slope = normal[where[:, np.newaxis], where], slope[where]
             diagonal = normal.diagonal() + 1e-12
             before = loss
             while damping < 1e8:
@@ -501,13 +544,11 @@ def _chain_cameras(
     return problem.unknowns(turns * lenses[:, np.newaxis], focals)
 
 
-def _solved(normal: csr_array, damping: Floats, right: Floats) -> Floats:
-    """Solve damped normal equations: up to 256 as dense ones, in a fraction of the time that it takes to make
-    sparse matrices.
-    """
-    if len(damping) <= 256:
+def _solved(normal: Floats | csr_array, damping: Floats, right: Floats) -> Floats:
+    """Solve damped normal equations, dense or sparse."""
+    if isinstance(normal, np.ndarray):
         try:
-            return np.asarray(np.linalg.solve(normal.toarray() + np.diag(damping), right))
+            return np.asarray(np.linalg.solve(normal + np.diag(damping), right))
         except np.linalg.LinAlgError:  # there is no such step, as of a sparse one
             return np.full(len(right), np.nan)
     damped = normal.tocsc() + scipy.sparse.diags_array(damping)
@@ -515,18 +556,18 @@ def _solved(normal: csr_array, damping: Floats, right: Floats) -> Floats:
 
 
 def _turns(vectors: Floats) -> Floats:
-    """Compute the (N, 3, 3) matrices of (N, 3) rotation vectors, rad, by the formula of Rodrigues."""
-    angle = np.sqrt(np.square(vectors).sum(axis=1))[:, np.newaxis, np.newaxis]
-    cross = np.zeros((len(vectors), 3, 3))
+    """Compute the (..., 3, 3) matrices of (..., 3) rotation vectors, rad, by the formula of Rodrigues."""
+    angle = np.sqrt(np.square(vectors).sum(axis=-1))[..., np.newaxis, np.newaxis]
+    cross = np.zeros((*vectors.shape, 3))
     for axis, (row, column) in enumerate(((2, 1), (0, 2), (1, 0))):
-        cross[:, row, column], cross[:, column, row] = vectors[:, axis], -vectors[:, axis]
+        cross[..., row, column], cross[..., column, row] = vectors[..., axis], -vectors[..., axis]
     sine, cosine = np.sinc(angle / np.pi), np.sinc(angle / (2 * np.pi)) ** 2 / 2
     return np.asarray(np.eye(3) + sine * cross + cosine * (cross @ cross))
 
 
 def _diagonals(values: Floats) -> Floats:
-    """Return each value twice and 1: (N, 3)."""
-    return np.stack([values, values, np.ones_like(values)], axis=1)
+    """Return each value twice and 1: (..., 3)."""
+    return np.stack([values, values, np.ones_like(values)], axis=-1)
 
 
 def _zooms(sizes: Floats, matches: Mapping[Pair, Match], order: Indices, before: Indices) -> Floats:

@@ -226,7 +226,7 @@ def _fit_agreeing(sizes: Floats, matches: Mapping[Pair, Match], adjust: Callable
             kept, bundle = now, adjust({pair: matches[pair] for pair in now}, bundle)
     distances = bundle.medians(matches)
     largest = max(_LARGEST_DISTANCE * scale, _usual_distance(distances, kept, diagonal))
-    if max(distances.values()) > largest:
+    if max(distances.values()) > largest and len(tree) < len(matches):
         # The last pair of a whole turn may be far off where the focal length comes from the others.
         whole = adjust(matches)
         off = whole.medians(matches)

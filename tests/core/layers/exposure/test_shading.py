@@ -150,3 +150,11 @@ def test_without_telling_pixels_there_is_no_field():
     places = [Box(0, 0, 50, 50), Box(0, 30, 50, 80), Box(200, 200, 220, 220)]
     fields = fit_fields(places, lambda i, j, box: (np.full(box.shape, np.nan), 1))
     assert all((np.exp(field) == 1).all() for field in fields)
+
+
+def test_few_and_many_layers_get_the_same_fields(monkeypatch):
+    layers, _ = frames()
+    few = ts.layers.match_tones(layers, shading=True)
+    monkeypatch.setattr("toposeam.layers.exposure.gains._DENSE", 0)  # as of many
+    for one, other in zip(few, ts.layers.match_tones(layers, shading=True), strict=True):
+        np.testing.assert_allclose(one.image.astype(int), other.image.astype(int), atol=1)

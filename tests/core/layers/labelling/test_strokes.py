@@ -133,6 +133,17 @@ def test_seams_keep_away(joined):
         assert not (mask[y, x] | mask[other])[cost > 0].any()
 
 
+def test_a_seam_that_finds_no_way_round_runs_through_a_stroke():
+    layers = [ts.Layer(WHOLE[:, :100]), ts.Layer(WHOLE[:, 40:], at=(40, 0))]
+    across = stroke(0, (30, 30), (110, 30), kind="away", radius=8)
+    labels = np.asarray(ts.stitch(layers, strokes=[across]).label_map)
+    assert labels[30, 10] == 0
+    assert labels[30, 130] == 1
+    avoid = mask_of(across, ts.stitch(layers).canvas)
+    with pytest.raises(ts.OverlapError, match="no seam avoids"):  # of pixels it is stated
+        ts.stitch(layers, avoid=avoid)
+
+
 def test_the_problem_given_stays_as_it_is(joined):
     before = [mask.copy() for mask in joined.labelling.allowed]
     apply_strokes(joined.labelling, [stroke(0, (70, 30)), stroke(1, (20, 20), kind="away")], joined.canvas)

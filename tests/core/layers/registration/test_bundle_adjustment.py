@@ -1,6 +1,7 @@
 """Pictures adjusted at once to the points that pairs of them share, all of which are made up here."""
 
 import dataclasses
+import itertools
 import math
 from functools import partial
 
@@ -208,13 +209,24 @@ def test_derivatives_are_those_of_finite_differences(family):
     unknowns[1] = -0.01 if rotation else 0.0
     free = np.flatnonzero(problem.free)
     unknowns[free] += np.random.default_rng(1).normal(0, 1e-3, len(free))
-    jacobian = problem.jacobian(unknowns).toarray()
-    assert jacobian.shape == (len(problem.residuals(unknowns)), len(free))
+    residuals = problem.residuals(unknowns)
+    values, columns = problem.jacobian(unknowns)
+    whole = np.zeros((len(residuals), len(unknowns)))
+    points = whole[:-1].reshape(-1, 2, len(unknowns))
+    for pair, (start, end) in enumerate(itertools.pairwise(problem.points.starts)):
+        points[start:end, :, columns[pair]] = values[start:end]
+    whole[-1, 0] = 1 / problem.deviation
+    weights = np.random.default_rng(2).uniform(0, 1, len(residuals))
+    normal, slope = problem.equations(unknowns, weights, residuals)
+    assert normal == pytest.approx(whole.T @ (weights[:, np.newaxis] * whole))
+    assert slope == pytest.approx(whole.T @ residuals)
+    assert problem.equations(unknowns, weights, residuals, dense=0)[0].toarray() == pytest.approx(normal)
+    jacobian = whole[:-1, free]
     assert len(free) == (2 + 2 * 3 if rotation else 2 * 8)
     for column, number in enumerate(free):
         step = np.zeros(len(unknowns))
         step[number] = 1e-5
-        slope = (problem.residuals(unknowns + step) - problem.residuals(unknowns - step)) / 2e-5
+        slope = (problem.residuals(unknowns + step) - problem.residuals(unknowns - step))[:-1] / 2e-5
         largest = np.abs(slope).max()
         assert largest > 0, number
         assert np.abs(jacobian[:, column] - slope).max() < 1e-4 * largest + 1e-6, number

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from toposeam.arrays import Image, Labels
+from toposeam.arrays import Floats, Image, Labels
 from toposeam.images import box_of
 from toposeam.layers.canvas.canvas import Canvas
 from toposeam.layers.canvas.layer import Box, cut
@@ -18,7 +18,7 @@ from toposeam.layers.execution.tasks import Executor
 from toposeam.layers.labelling.label_map import Pair
 from toposeam.optimize.history import Termination
 from toposeam.seam.result.seam import Seam
-from toposeam.seam.result.verdict import STEP_REACH, Verdict, adjoining, steps_beside
+from toposeam.seam.result.verdict import STEP_REACH, Verdict, adjoining, breaks_at, steps_beside
 from toposeam.vector.polyline import Polyline
 
 if TYPE_CHECKING:
@@ -115,7 +115,10 @@ def with_steps(
     window: Callable[[slice, slice], Image],
     verdicts: Mapping[Pair, Verdict],
 ) -> dict[Pair, Verdict]:
-    """Return verdicts with the steps of tone, hue and grain that the joined picture shows.
+    """Return verdicts with the steps and breaks that the joined picture shows.
+
+    Steps of tone, hue and grain are measured all along the seams, breaks where both pictures show something
+    else.
 
     Parameters
     ----------
@@ -131,8 +134,8 @@ def with_steps(
     """
     steps = {pair: [np.zeros((0, 3))] for pair in verdicts}
     shown = view.shared(canvas.box)
-    found = list(several(labels, shown, side=BLOCK)) if min(shown.shape) > 0 else []
-    for block in found[:: -(-len(found) // _MOST_BLOCKS) or 1]:
+    poor = {pair: _worst_in(one.poor, shown) for pair, one in verdicts.items()}
+    for block in _chosen_blocks(labels, shown, list(poor.values())):
         part = labels[block.slices]
         here = set(np.unique(part).tolist())
         for pair in (pair for pair in verdicts if here.issuperset(pair)):
@@ -143,12 +146,35 @@ def with_steps(
             layers = [canvas.layers[index] for index in pair]
             places = [canvas.places[index] for index in pair]
             shows = labels[box.slices]
-            beside = steps_beside(
+            pixels = (
                 window(*box.moved(-view.top, -view.left).slices),
                 [cut(layer.image, place, box) for layer, place in zip(layers, places, strict=True)],
                 [cut(layer.covered, place, box) for layer, place in zip(layers, places, strict=True)],
                 [shows == index for index in pair],
                 layers[0].white,
             )
-            steps[pair].append(np.add(beside, (box.left, box.top, 0)))
+            corner = box.left, box.top, 0
+            near = _worst_in(poor[pair], block)
+            beside = [steps_beside(*pixels), breaks_at(*pixels, (near - corner)[:, :2])]
+            steps[pair].append(np.concatenate(beside) + corner)
     return {pair: one.with_steps(np.concatenate(steps[pair])) for pair, one in verdicts.items()}
+
+
+def _worst_in(places: Floats, box: Box) -> Floats:
+    """Keep the rows x, y, … that lie in a box."""
+    x, y = places[:, 0], places[:, 1]
+    return places[(x >= box.left) & (x < box.right) & (y >= box.top) & (y < box.bottom)]
+
+
+def _chosen_blocks(labels: Labels, shown: Box, poor: Sequence[Floats]) -> list[Box]:
+    """Choose the blocks that are looked at: those with the poorest places, and evenly of the others."""
+    found = list(several(labels, shown, side=BLOCK)) if min(shown.shape) > 0 else []
+    if len(found) <= _MOST_BLOCKS:
+        return found
+    places = np.concatenate([np.zeros((0, 3)), *poor])
+    worst = [float(_worst_in(places, block)[:, 2].min(initial=1)) for block in found]
+    order = np.argsort(worst, kind="stable")
+    first = order[: _MOST_BLOCKS // 2]
+    others = order[_MOST_BLOCKS // 2 :]
+    rest = np.sort(others)[:: -(-len(others) // (_MOST_BLOCKS - len(first)))]
+    return [found[k] for k in sorted([*first.tolist(), *rest.tolist()])]

@@ -133,7 +133,7 @@ def photographs(folder: Path, only: set[str]) -> None:
             print(
                 f"{name:28}{report['worst_likeness']:16.2f}{report['step']:8.2f}  "
                 f"{'fault' if marks else '':6} "
-                f"{'not to be seen' if place is None else f'look at {place[0]},{place[1]}'}",
+                f"{'no visible seam' if place is None else f'look at {place[0]},{place[1]}'}",
                 flush=True,
             )
     print(

@@ -330,26 +330,3 @@ def test_a_camera_tells_a_plane_which_way_is_up():
     wide = cameras([(-70, 0, 0), (0, 0, 0), (70, 0, 0)])
     for own, other in zip(plane_transforms(flat, wide), plane_transforms(flat), strict=True):
         np.testing.assert_array_equal(own.matrix, other.matrix)
-
-
-def test_upright_lines_stand_upright_on_a_flat_canvas():
-    focal, size = 400.0, (480, 360)
-    roll, pitch = math.radians(3), math.radians(-4)
-    about_z = [[math.cos(roll), -math.sin(roll), 0], [math.sin(roll), math.cos(roll), 0], [0, 0, 1]]
-    about_x = [[1, 0, 0], [0, math.cos(pitch), math.sin(pitch)], [0, -math.sin(pitch), math.cos(pitch)]]
-    lean = np.array(about_x) @ about_z
-    bundle = Bundle(
-        family="rotation",
-        sizes=np.array([size, size], float),
-        matrices=np.stack([np.diag([1 / focal, 1 / focal, 1])] * 2),
-        focals=np.full(2, focal),
-        distortion=0.0,
-        middle=0,
-    )
-    scene = np.array([[math.sin(yaw), y, math.cos(yaw)] for yaw in (-0.3, 0.3) for y in (-0.2, 0.2)])
-    seen = scene @ lean
-    pixels = seen[:, :2] / seen[:, 2:] * focal + (np.array(size) - 1) / 2
-    for down, leans in ((lean.T @ [0, 1, 0], False), (None, True)):
-        (transform, _), _ = camera_transforms(bundle, View(projection="flat", down=down))
-        x = transform.to_canvas(pixels)[:, 0].reshape(2, 2)
-        assert (np.abs(x[:, 1] - x[:, 0]).max() > 3) == leans

@@ -1,7 +1,8 @@
 """How likely seams are to be seen, by squares, and the worst places.
 
-A square counts by the likeness of the two pictures, as soon as a seam runs there, or by the largest step of
-tone, hue or grain that the blended picture shows, if that is worse: see :mod:`toposeam.seam.result.verdict`.
+As soon as a seam runs there, a square counts by the likeness of the two pictures; once the blended picture has
+been looked at, by the largest step of tone, hue or grain, or the clearest break, that it shows: see
+:mod:`toposeam.seam.result.verdict`.
 """
 
 from __future__ import annotations
@@ -35,6 +36,8 @@ class SeamPlace:
     y: float
     #: In [0, 1].
     likeness: float
+    #: True once the blended picture was looked at there.
+    judged: bool = False
 
     @property
     def done(self) -> bool:
@@ -43,8 +46,8 @@ class SeamPlace:
 
 
 class LikenessMap:
-    """The likeness along the seams of a canvas, by squares: 0 to 254, and 255 where no seam runs. Where a
-    step shows, it is 1 ÷ (1 + step), if that is less.
+    """The likeness along the seams of a canvas, by squares: 0 to 254, and 255 where no seam runs. Where
+    squares were judged, it is 1 ÷ (1 + step).
     """
 
     def __init__(self, shape: tuple[int, int]) -> None:
@@ -56,6 +59,7 @@ class LikenessMap:
         self._likeness = np.ones(self.squares.shape)
         #: Those that were measured last; where a seam moves, they stay until they are measured again.
         self._steps = np.zeros(self.squares.shape)
+        self._judged = np.zeros(self.squares.shape, bool)
 
     def update(self, labelling: ts.layers.Labelling, labels: Labels, box: Box) -> Box:
         """Compute the squares that a box of the canvas touches; return their box, counted in squares."""
@@ -77,10 +81,23 @@ class LikenessMap:
             sums[at] = np.bincount(number, weights, height * width).reshape(height, width)
         total = np.bincount(number, cost[inside], height * width).reshape(height, width)
         self._likeness[squares.slices] = 1 / (1 + total / np.maximum(sums[0], 1) / HALF_COST)
+        self._judged[squares.slices] = False
         return self._shown(squares)
 
+    def poor(self, box: Box) -> Floats:
+        """Return x, y and likeness of the places of a box where pictures show something else, (K, 3), the
+        poorest first.
+        """
+        count, x, y = self._sums
+        at = np.nonzero((count > 0) & (self._likeness < UNSEEN))
+        x, y, likeness = x[at] / count[at], y[at] / count[at], self._likeness[at]
+        inside = (x >= box.left) & (x < box.right) & (y >= box.top) & (y < box.bottom)
+        found = np.stack([x, y, likeness], axis=1)[inside]
+        return found[np.argsort(found[:, 2], kind="stable")]
+
     def judge(self, steps: Floats, box: Box) -> Box:
-        """Take the steps that a part of the picture shows; return the box of the squares that are judged.
+        """Take the steps and breaks that a part of the picture shows; return the box of the squares that are
+        judged.
 
         Parameters
         ----------
@@ -104,32 +121,38 @@ class LikenessMap:
         np.maximum.at(grid, (rows, columns), steps[:, 2])
         # a piece is some squares long
         self._steps[squares.slices] = scipy.ndimage.maximum_filter(grid, 3)[squares.slices]
+        self._judged[squares.slices] = True
         return self._shown(squares)
 
     def _shown(self, squares: Box) -> Box:
         """Set what is shown of squares."""
         at = squares.slices
-        worst = np.minimum(self._likeness[at], 1 / (1 + self._steps[at]))
+        seen = 1 / (1 + self._steps[at])
+        worst = np.where(self._judged[at], seen, np.minimum(self._likeness[at], seen))
         self.squares[at] = np.where(self._sums[0][at] > 0, np.rint(254 * worst), _NONE)
         return squares
 
     def worst(self, known: list[SeamPlace]) -> list[SeamPlace]:
-        """Return the places that were listed, with their likeness now, and new ones that are bad."""
+        """Return the places that were listed, with their likeness now, and new ones that are bad. One that
+        was listed before it was judged, and does not show, goes.
+        """
         count, x, y = self._sums
         like = scipy.ndimage.uniform_filter(np.where(count > 0, self.squares / 254.0, 0) * count, 2)
         like /= np.maximum(scipy.ndimage.uniform_filter(count, 2), 1e-9)
         rows, columns = np.nonzero(count >= 4)
-        likeness = like[rows, columns]
+        likeness, judged = like[rows, columns], self._judged[rows, columns]
         at = np.stack([x[rows, columns], y[rows, columns]], axis=1) / count[rows, columns][:, np.newaxis]
         places: list[SeamPlace] = []
         for place in known:
             near = np.linalg.norm(at - (place.x, place.y), axis=1) < _NEARBY_PX
-            places.append(SeamPlace(place.x, place.y, float(likeness[near].min()) if near.any() else 1.0))
+            value, known_now = float(likeness[near].min(initial=1)), bool(judged[near].all())
+            if place.judged or not known_now or value < GOOD:
+                places.append(SeamPlace(place.x, place.y, value, place.judged or known_now))
         for k in np.argsort(likeness):
             if likeness[k] >= BAD or sum(not place.done for place in places) >= _MOST_PLACES:
                 break
             if all(_apart(at[k], place) for place in places):
-                places.append(SeamPlace(float(at[k, 0]), float(at[k, 1]), float(likeness[k])))
+                places.append(SeamPlace(*at[k].tolist(), float(likeness[k]), bool(judged[k])))
         return places[-2 * _MOST_PLACES :]
 
 

@@ -123,13 +123,15 @@ class Opened:
             shown = dataclasses.replace(shown, blending=blending_of(shown.blending.without_potential, None))
         return np.asarray(shown.window(box.slices[0], box.slices[1])[0])
 
-    def steps(self, labels: Labels, box: Box, pixels: np.ndarray) -> Floats:
-        """Measure the steps of tone, hue and grain that the blended pixels of a box show along the seams of a
-        label map: (K, 3), x, y, px of the preview, and step.
+    def steps(self, labels: Labels, box: Box, pixels: np.ndarray, poor: Floats) -> Floats:
+        """Measure how visibly the blended pixels of a box show the seams of a label map: (K, 3), x, y, px of
+        the preview, and step or break. `poor` are the places where pictures show something else, as for
+        :func:`toposeam.layers.composite.steps_along`.
         """
         here = np.unique(labels[box.slices]).tolist()
         pairs = list(itertools.combinations((one for one in here if one >= 0), 2))
-        found = steps_along(self.joined.canvas.cut_open(), labels, box, lambda *at: pixels[at], pairs)
+        canvas, places = self.joined.canvas.cut_open(), dict.fromkeys(pairs, poor)
+        found = steps_along(canvas, labels, box, lambda *at: pixels[at], places)
         return np.concatenate([np.zeros((0, 3)), *found.values()])
 
     def write(self, path: Path, strokes: Sequence[LayoutStroke], labels: Labels) -> None:

@@ -202,8 +202,9 @@ class Session:
         return self.opened.blended(self.labels, box)
 
     def judge(self, box: Box, pixels: np.ndarray) -> Change:
-        """Judge the seams of a box by the steps of tone, hue and grain that its blended pixels show."""
-        squares = self._likeness.judge(self.opened.steps(self.labels, box, pixels), box)
+        """Judge the seams of a box by the steps and breaks that its blended pixels show."""
+        steps = self.opened.steps(self.labels, box, pixels, self._likeness.poor(box))
+        squares = self._likeness.judge(steps, box)
         return Change(_NOWHERE, _NOTHING, squares, self._squares(squares))
 
     @property

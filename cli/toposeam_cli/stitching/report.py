@@ -254,6 +254,7 @@ def misfits(rendered: Rendered, job: PlacedPictures, executor: Executor | None) 
     if job.placement is None:
         return []
     (bent,) = fitted_transforms([similarity((0, 0))], job.boundary, job.wrap)
+    rendered.verdicts(executor)  # of the pixels that are there
     found = rendered.composition.misfits(job.placement, bent.to_canvas, executor)
     if not found:
         return []

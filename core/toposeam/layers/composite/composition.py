@@ -268,8 +268,8 @@ class Composition(PictureResult):
     def verdicts(
         self, executor: Executor | None = None, window: Callable[[slice, slice], Image] | None = None
     ) -> Mapping[Pair, Verdict]:
-        """Judge each seam by the likeness of its two pictures, and by the steps of tone, hue and grain that
-        the joined picture shows.
+        """Judge each seam by the steps of tone, hue and grain, and the broken lines and things, that are
+        shown.
 
         Parameters
         ----------
@@ -324,11 +324,11 @@ class Composition(PictureResult):
             A pair of layers, how far their points are apart, px, and x and y in the picture; at most one for
             each pair, the farthest first.
         """
-        figures, (height, width) = self.figures(executor), self.shape
+        verdicts, (height, width) = self.verdicts(executor), self.shape
         found = list[tuple[Pair, float, tuple[int, int]]]()
         for pair, residual in placement.residuals.items():
-            seam, apart = figures.get(pair), np.array(residual.apart).reshape(-1, 3)
-            if seam is None or (seam.verdict is not None and seam.verdict.inside(self.cropped).unseen):
+            verdict, apart = verdicts.get(pair), np.array(residual.apart).reshape(-1, 3)
+            if pair not in self.pairs or (verdict is not None and verdict.inside(self.cropped).unseen):
                 continue
             at = apart[:, :2] if onto is None else onto(apart[:, :2])
             at = np.nan_to_num(at - self.origin, nan=-1).round().astype(int)

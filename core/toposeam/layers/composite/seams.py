@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
-from toposeam.arrays import Image, Labels
+from toposeam.arrays import Floats, Image, Labels
 from toposeam.images import box_of
 from toposeam.layers.canvas.canvas import Canvas
 from toposeam.layers.canvas.layer import Box, cut
@@ -19,7 +18,7 @@ from toposeam.layers.execution.tasks import Executor
 from toposeam.layers.labelling.label_map import Pair
 from toposeam.optimize.history import Termination
 from toposeam.seam.result.seam import Seam
-from toposeam.seam.result.verdict import STEP_REACH, Verdict, adjoining, steps_beside
+from toposeam.seam.result.verdict import STEP_REACH, Verdict, adjoining, breaks_at, steps_beside
 from toposeam.vector.polyline import Polyline
 
 if TYPE_CHECKING:
@@ -116,10 +115,10 @@ def with_steps(
     window: Callable[[slice, slice], Image],
     verdicts: Mapping[Pair, Verdict],
 ) -> dict[Pair, Verdict]:
-    """Return verdicts with the steps of tone, hue and grain that the joined picture shows; parameters of
+    """Return verdicts with the steps and breaks that the joined picture shows; parameters of
     :func:`steps_along`, and the verdict on each seam, by its likeness.
     """
-    steps = steps_along(canvas, labels, view, window, verdicts)
+    steps = steps_along(canvas, labels, view, window, {pair: one.poor for pair, one in verdicts.items()})
     return {pair: one.with_steps(steps[pair]) for pair, one in verdicts.items()}
 
 
@@ -128,9 +127,12 @@ def steps_along(
     labels: Labels,
     view: Box,
     window: Callable[[slice, slice], Image],
-    pairs: Collection[Pair],
-) -> dict[Pair, npt.NDArray[np.float64]]:
-    """Measure the steps of tone, hue and grain along seams that the joined picture shows.
+    poor: Mapping[Pair, Floats],
+) -> dict[Pair, Floats]:
+    """Measure how visibly the joined picture shows its seams.
+
+    Steps of tone, hue and grain are measured all along the seams, breaks where both pictures show something
+    else.
 
     Parameters
     ----------
@@ -141,21 +143,22 @@ def steps_along(
         The part of the canvas that is shown.
     window : callable
         Returns the pixels of rows and columns of the picture, which begins at the view's corner.
-    pairs : collection of (int, int)
-        The layers that each seam divides.
+    poor : mapping
+        For the layers that each seam divides: x, y on the canvas, px, and likeness of places where these show
+        something else, (N, 3), the poorest first.
 
     Returns
     -------
     dict of (int, int) to (K, 3) float arrays
-        x, y on the canvas, px, and step of each piece of the seam: 1 is just seen.
+        x, y on the canvas, px, and step or break of each piece of the seam: 1 is just seen.
     """
-    steps = {pair: [np.zeros((0, 3))] for pair in pairs}
+    steps = {pair: [np.zeros((0, 3))] for pair in poor}
     shown = view.shared(canvas.box)
-    found = list(several(labels, shown, side=BLOCK)) if min(shown.shape) > 0 else []
-    for block in found[:: -(-len(found) // _MOST_BLOCKS) or 1]:
+    places_of = {pair: _worst_in(places, shown) for pair, places in poor.items()}
+    for block in _chosen_blocks(labels, shown, list(places_of.values())):
         part = labels[block.slices]
         here = set(np.unique(part).tolist())
-        for pair in (pair for pair in pairs if here.issuperset(pair)):
+        for pair in (pair for pair in poor if here.issuperset(pair)):
             border = adjoining(*(part == index for index in pair))
             if not border.any():
                 continue
@@ -163,12 +166,35 @@ def steps_along(
             layers = [canvas.layers[index] for index in pair]
             places = [canvas.places[index] for index in pair]
             shows = labels[box.slices]
-            beside = steps_beside(
+            pixels = (
                 window(*box.moved(-view.top, -view.left).slices),
                 [cut(layer.image, place, box) for layer, place in zip(layers, places, strict=True)],
                 [cut(layer.covered, place, box) for layer, place in zip(layers, places, strict=True)],
                 [shows == index for index in pair],
                 layers[0].white,
             )
-            steps[pair].append(np.add(beside, (box.left, box.top, 0)))
+            corner = box.left, box.top, 0
+            near = _worst_in(places_of[pair], block)
+            beside = [steps_beside(*pixels), breaks_at(*pixels, (near - corner)[:, :2])]
+            steps[pair].append(np.concatenate(beside) + corner)
     return {pair: np.concatenate(found) for pair, found in steps.items()}
+
+
+def _worst_in(places: Floats, box: Box) -> Floats:
+    """Keep the rows x, y, … that lie in a box."""
+    x, y = places[:, 0], places[:, 1]
+    return places[(x >= box.left) & (x < box.right) & (y >= box.top) & (y < box.bottom)]
+
+
+def _chosen_blocks(labels: Labels, shown: Box, poor: Sequence[Floats]) -> list[Box]:
+    """Choose the blocks that are looked at: those with the poorest places, and evenly of the others."""
+    found = list(several(labels, shown, side=BLOCK)) if min(shown.shape) > 0 else []
+    if len(found) <= _MOST_BLOCKS:
+        return found
+    places = np.concatenate([np.zeros((0, 3)), *poor])
+    worst = [float(_worst_in(places, block)[:, 2].min(initial=1)) for block in found]
+    order = np.argsort(worst, kind="stable")
+    first = order[: _MOST_BLOCKS // 2]
+    others = order[_MOST_BLOCKS // 2 :]
+    rest = np.sort(others)[:: -(-len(others) // (_MOST_BLOCKS - len(first)))]
+    return [found[k] for k in sorted([*first.tolist(), *rest.tolist()])]

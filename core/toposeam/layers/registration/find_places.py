@@ -517,8 +517,10 @@ def _adjusted(
     bundle = fit.bundle
     transforms: Sequence[Transform]
     width = projection = None
+    down = _down(matcher, numbers, options, fit.camera if bundle.family == "plane" else bundle)
     if bundle.family == "plane":
-        transforms = perspective.plane_transforms(bundle, fit.camera, perspective.View(level=options.level))
+        view = perspective.View(level=options.level, down=down)
+        transforms = perspective.plane_transforms(bundle, fit.camera, view)
     else:
         asked = None if options.projection == "auto" else options.projection
         centre = numbers.index(options.centre) if options.centre in numbers else None
@@ -528,6 +530,7 @@ def _adjusted(
             centre=centre,
             fov=options.fov,
             closed=closes,
+            down=down,
         )
         cameras, width = perspective.camera_transforms(bundle, view)
         transforms, projection = cameras, cameras[0].projection
@@ -552,6 +555,22 @@ def _adjusted(
         wrap=width,
         doubts=tuple(doubts),
     )
+
+
+def _down(
+    matcher: PairMatcher, numbers: Sequence[int], options: PlaceOptions, camera: Bundle | None
+) -> Floats | None:
+    """Return the direction on which upright lines agree, in the frame of a camera, unless another is asked
+    for.
+    """
+    if camera is None or not options.level or options.horizon is not None:
+        return None
+    from toposeam.layers.mesh.verticals import down_of
+    from toposeam.layers.registration.perspective import level_down, rays_at
+
+    images = [matcher.pictures[number].image for number in numbers]
+    forward = camera.rotations[camera.middle][:, 2]
+    return down_of(images, lambda index, points: rays_at(camera, index, points), forward, level_down(camera))
 
 
 def _doubts_of(

@@ -36,6 +36,7 @@ from toposeam.layers.canvas.transforms import (
 )
 from toposeam.layers.execution.tasks import Executor, results
 from toposeam.layers.labelling.label_map import Pair
+from toposeam.layers.mesh.verticals import MOST_PITCH
 from toposeam.layers.registration.bundle_adjustment import (
     Bundle,
     adjust_cameras,
@@ -339,7 +340,7 @@ def _align_patches(item: tuple[FeatureSet, FeatureSet, _PairTransform]) -> Match
     return find_patches(*item, count=GRID)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class View:
     """The view of a canvas on what a camera saw."""
 
@@ -353,6 +354,8 @@ class View:
     fov: float | None = None
     #: Whether the ends of pictures that reach all the way round agree.
     closed: bool = True
+    #: (3,) unit direction that points down, in the frame of the cameras, if upright lines agree on one.
+    down: Floats | None = None
 
 
 def plane_transforms(
@@ -480,7 +483,9 @@ def camera_transforms(bundle: Bundle, view: View) -> tuple[tuple[CameraTransform
     if projection == "sphere" and view.projection is None and _is_ahead(rays, middle, (low + high) / 2):
         projection = "flat"  # looked up, pictures span more degrees across than they show
     if projection == "flat":
-        turns = _pitched((low + high) / 2 if view.centre is None else _pitch(turns[view.centre])) @ turns
+        pitch = (low + high) / 2 if view.centre is None else _pitch(turns[view.centre])
+        if view.down is None or abs(pitch) > math.radians(MOST_PITCH):
+            turns = _pitched(pitch) @ turns  # else upright lines stay parallel
     round_way = whole and view.closed and projection in ("cylinder", "sphere") and across >= 360
     width = round(2 * math.pi * bundle.focal) if round_way else None
     radius = bundle.focal if width is None else width / (2 * math.pi)
@@ -525,17 +530,28 @@ def _upright(bundle: Bundle, view: View) -> Floats:
     turns = bundle.rotations
     if not view.level:
         return np.asarray(turns[bundle.middle if view.centre is None else view.centre].T @ turns)
-    across, own = turns[:, :, 0], turns[:, :, 1].mean(axis=0)
-    own /= np.linalg.norm(own)
-    spread = across.T @ across / len(across) - _VERTICAL_WEIGHT * np.outer(own, own)
-    down = np.linalg.eigh(spread)[1][:, 0]
-    down *= 1 if down @ own >= 0 else -1
+    down = level_down(bundle) if view.down is None else view.down
     forward = turns[bundle.middle][:, 2]
     forward = forward - down * (down @ forward)
     if np.linalg.norm(forward) < 1e-3:  # straight up or down: nothing is level
         return np.asarray(turns[bundle.middle].T @ turns)
     forward /= np.linalg.norm(forward)
     return np.asarray(np.stack([np.cross(down, forward), down, forward]) @ turns)
+
+
+def level_down(bundle: Bundle) -> Floats:
+    """Return the unit direction that points down by the turns of the cameras."""
+    across, own = bundle.rotations[:, :, 0], bundle.rotations[:, :, 1].mean(axis=0)
+    own /= np.linalg.norm(own)
+    spread = across.T @ across / len(across) - _VERTICAL_WEIGHT * np.outer(own, own)
+    down = np.linalg.eigh(spread)[1][:, 0]
+    return np.asarray(down * (1 if down @ own >= 0 else -1))
+
+
+def rays_at(bundle: Bundle, index: int, points: Floats) -> Floats:
+    """Return the (M, 3) directions that a picture shows at (M, 2) points, px, in the frame of the cameras."""
+    ideal = bundle.ideal(index, points) / bundle.focals[index]
+    return np.asarray(np.append(ideal, np.ones((len(ideal), 1)), axis=1) @ bundle.rotations[index].T)
 
 
 def _rays(bundle: Bundle, turns: Floats, index: int) -> Floats:

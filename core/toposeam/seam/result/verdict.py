@@ -8,18 +8,23 @@ of 16 px. Of a mean cost c per interface, which is V² of one pixel plus V² of 
 1 where both pictures show the same, ½ where each of the two pixels differs by three times the just
 noticeable, near 0 where something is cut in two.
 
-Likeness forgives small differences, which eyes find on plain ground all the same: a *step* of tone or hue.
-It is measured in the picture as it is shown. Beside a piece of the seam, bands at the same distance on either
-side are compared with what one of the two pictures alone shows there: an edge of the scene is in both, a step
-of the seam is not. With S the joined picture and A one that has pixels on both sides, in CIELAB, medians over
-a band::
+Likeness forgives small differences, which eyes find on plain ground all the same, and minds large ones that
+leaves or a blend hide. So the picture that is shown decides, where it is known, by two things.
 
-    step = ΔE₀₀(S₊, S₊ - ((S₊ - A₊) - (S₋ - A₋))) / (T + 1.05 (σ_S + σ_A))
+*Steps* of tone or hue. Beside a piece of the seam, bands at the same distance on either side are compared
+with what one of the two pictures alone shows there: an edge of the scene is in both, a step of the seam is
+not. With S the joined picture and A one that has pixels on both sides, in CIELAB, medians over a band::
+
+    step = ΔE₀₀(S₊, S₊ - ((S₊ - A₊) - (S₋ - A₋))) / (T + 1.25 (σ_S + σ_A) + 0.1 E)
 
 of A and the other picture the smaller one. T is the step that is just seen on plain ground; σ_S is the
 deviation of L* in the plainer band, which hides steps, and σ_A that of S - A, as a picture that shows
-something else there says nothing about tones. ΔE₀₀ is CIEDE2000 (Sharma, Wu and Dalal 2005,
-doi:10.1002/col.20070). Grain that ends at the seam is a step, too.
+something else there says nothing about tones; of noise, both count less. E is the edge of the scene that runs
+along the seam, ΔE₀₀(S₊, S₋) less the step. ΔE₀₀ is CIEDE2000 (Sharma, Wu and Dalal 2005,
+doi:10.1002/col.20070). A step that no piece beside it has counts less. Grain that ends at the seam is a step,
+too.
+
+*Breaks* of lines and things, where the likeness is below ½: :mod:`toposeam.seam.result.broken_lines`.
 """
 
 from __future__ import annotations
@@ -48,11 +53,22 @@ _BANDS = (2, 8, 32, 0.75), (8, 24, 32, 1.25), (32, 64, 64, 1.8)
 STEP_REACH = _BANDS[-1][1]
 #: The share of a band's pixels that both of its sides must have.
 _LEAST_SHARE = 0.35
-#: How much a unit of deviation of L* adds to T.
-_HIDDEN_BY_TEXTURE = 1.05
+#: How much a unit of deviation of L* adds to T, and a unit of an edge of the scene along the seam.
+_HIDDEN_BY_TEXTURE, _HIDDEN_BY_EDGE = 1.25, 0.1
+#: Noise hides less than texture: a deviation counts no more than this many times that of means over squares
+#: of so many halved px.
+_NOISE_HIDES_LESS, _COARSE = 1.6, 4
 #: The difference of grain that is just seen on plain ground, in percent of white; how much grain on both
 #: sides adds to it, and a unit of deviation of L*.
 _GRAIN, _HIDDEN_BY_GRAIN, _GRAIN_HIDDEN_BY_TEXTURE = 0.35, 0.5, 0.25
+#: A step is seen where a piece beside it, up to this many sides away, has one, too, or if it is _ALONE times
+#: as large.
+_LASTING, _ALONE = 1.6, 1.6
+#: Width of the rim beside holes, px, that is filled with them.
+_RIM = 4
+#: Of breaks: places that are looked at in a window, the poorest ones; px round a place; every how many-th
+#: point of the seam; and the quantile of its points that is a place's break.
+_MOST_PLACES, _AROUND, _EVERY, _CLEAREST = 64, 24, 3, 0.97
 #: Median of the absolute values of normal noise ÷ its standard deviation.
 _MEDIAN_DEVIATION = 0.6745
 
@@ -80,15 +96,19 @@ class Verdict:
 
     @property
     def step(self) -> float | None:
-        """The largest step of tone, hue or grain along the seam: 1 is just seen; None if not measured."""
+        """The largest step of tone, hue or grain along the seam, or the clearest break of a line or a thing:
+        1 is just seen; None if not measured.
+        """
         if self._steps is None:
             return None
         return float(self._steps[:, 2].max(initial=0))
 
     @property
     def visibility(self) -> float:
-        """How visible the seam is, by its likeness or its step: 1 is just seen, 0 not at all."""
-        return max(1 / max(self.worst, 1e-9) - 1, self.step or 0.0)
+        """How visible the seam is: 1 is just seen, 0 not at all. By :attr:`step`, or by :attr:`worst` where
+        it was not measured.
+        """
+        return 1 / max(self.worst, 1e-9) - 1 if self.step is None else self.step
 
     @property
     def unseen(self) -> bool:
@@ -111,10 +131,18 @@ class Verdict:
     def with_steps(self, steps: npt.NDArray[np.float64]) -> Verdict:
         """Return the verdict with the steps of the seam, (K, 3): x, y on the canvas and step."""
         judged = replace(self, _steps=steps)
-        if self.worst >= UNSEEN and (judged.step or 0) > 1:
+        if not judged.unseen:
             x, y, _ = steps[int(np.argmax(steps[:, 2]))]
             judged = replace(judged, where=(round(x), round(y)))
         return judged
+
+    @property
+    def poor(self) -> npt.NDArray[np.float64]:
+        """(K, 3): x, y and likeness of places where both pictures show something else, the poorest first."""
+        if self._squares is None:
+            return np.zeros((0, 3))
+        found = self._squares[self._squares[:, 2] < UNSEEN, :3]
+        return found[np.argsort(found[:, 2], kind="stable")]
 
     def __str__(self) -> str:
         if self.unseen or self.where is None:
@@ -231,9 +259,68 @@ def steps_beside(
         shown=colours,
         pictures=[_lab(one[near]) for one in pictures] or [np.zeros_like(colours)],
         there=[cover[near] for cover in there] or [np.ones(len(colours), bool)],
+        coarse=[_averaged(one)[near] for one in (shown, *pictures)],
         grain=[_grain(one)[near] for one in (shown, *pictures)],
     )
     return np.concatenate([pieces.steps(*band) for band in _BANDS])
+
+
+def breaks_at(
+    shown: Image,
+    pictures: Sequence[Image],
+    covers: Sequence[Mask],
+    sides: Sequence[Mask],
+    white: float,
+    places: npt.NDArray[np.float64],
+) -> npt.NDArray[np.float64]:
+    """Measure how visibly a seam breaks lines and things near some places of a window.
+
+    Parameters
+    ----------
+    shown, pictures, covers, sides, white
+        As of :func:`steps_beside`.
+    places : (N, 2) float array
+        x and y of the places, px of the window.
+
+    Returns
+    -------
+    (K, 3) float array
+        x, y and the break: 1 is just seen (:mod:`toposeam.seam.result.broken_lines`).
+    """
+    from toposeam.seam.result.broken_lines import broken_at  # most seams have no such place
+
+    found = [np.zeros((0, 3))]
+    size = shown.shape[:2]
+    joined = _joined(sides)
+    for x, y in places[:_MOST_PLACES]:
+        rows, columns = (
+            slice(max(0, round(at) - _AROUND), min(side, round(at) + _AROUND + 1))
+            for at, side in zip((y, x), size, strict=True)
+        )
+        first, second = (side[rows, columns] for side in sides)
+        at_y, at_x = np.nonzero(adjoining(first, second))
+        near = np.maximum(np.abs(at_y + rows.start - y), np.abs(at_x + columns.start - x)) <= SQUARE_PX / 2
+        at_y, at_x = at_y[near][::_EVERY], at_x[near][::_EVERY]
+        if not len(at_y):
+            continue
+        values = broken_at(
+            _rgb(shown[rows, columns], white),
+            [_rgb(one[rows, columns], white) for one in pictures],
+            [cover[rows, columns] for cover in covers],
+            joined[rows, columns],
+            at_y,
+            at_x,
+        )
+        found.append(np.array([[x, y, np.quantile(values, _CLEAREST)]]))
+    return np.concatenate(found)
+
+
+def _joined(sides: Sequence[Mask]) -> Mask:
+    """(h, w) bool: what shows one of two sides, and lies apart from where neither of them is shown."""
+    first, second = sides
+    beyond = scipy.ndimage.binary_dilation(~(first | second), iterations=_RIM)
+    kept: Mask = ~beyond
+    return kept
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -248,6 +335,8 @@ class _Pieces:
     shown: Floats32
     pictures: Sequence[Floats32]
     there: Sequence[Mask]
+    #: (n, 1) L* of the joined picture and of both pictures, averaged.
+    coarse: Sequence[Floats32]
     #: (n,) Fine detail of the joined picture and of both pictures, percent of white.
     grain: Sequence[Floats32]
 
@@ -263,22 +352,30 @@ class _Pieces:
         enough = _LEAST_SHARE * (far - near) * side / 4
         shown = self.shown[band]
         middle, spread = _middles(half, shown, 2 * count)
+        averaged = [one[band] for one in self.coarse]
+        spread = np.minimum(spread, _NOISE_HIDES_LESS * _middles(half, averaged[0], 2 * count)[1])
         plainer = spread.reshape(count, 2).min(axis=1)
+        contrast: Floats = deltaE_ciede2000(middle[1::2], middle[::2])  # type: ignore[no-untyped-call]
         step = np.full(count, np.inf)
-        for picture, there in zip(self.pictures, self.there, strict=True):
+        for number, (picture, there) in enumerate(zip(self.pictures, self.there, strict=True), start=1):
             known = there[band]
             apart, varies = _middles(half[known], (shown - picture[band])[known], 2 * count)
+            if number < len(averaged):
+                change = (averaged[0] - averaged[number])[known]
+                varies = np.minimum(varies, _NOISE_HIDES_LESS * _middles(half[known], change, 2 * count)[1])
             pixels = np.bincount(half[known], minlength=2 * count).reshape(count, 2).min(axis=1)
             change = apart[1::2] - apart[::2]
             seen: Floats = deltaE_ciede2000(middle[1::2], middle[1::2] - change)  # type: ignore[no-untyped-call]
             hidden = plainer + varies.reshape(count, 2).max(axis=1)
-            seen /= least + _HIDDEN_BY_TEXTURE * hidden
+            edge = np.maximum(contrast - seen, 0)
+            seen /= least + _HIDDEN_BY_TEXTURE * hidden + _HIDDEN_BY_EDGE * edge
             step = np.where(pixels >= enough, np.minimum(step, seen), step)
         if near == _BANDS[0][0]:
             step = np.maximum(step, self._grain_steps(band, half, plainer, enough))
         x, y = (np.bincount(piece, along, count) / np.bincount(piece, minlength=count) for along in at[::-1])
         known = np.isfinite(step)
-        return np.stack([x[known], y[known], step[known]], axis=1)
+        found = np.stack([x[known], y[known], step[known]], axis=1)
+        return _lasting(found, _LASTING * side)
 
     def _grain_steps(
         self, band: Mask, half: npt.NDArray[np.intp], plainer: Floats, enough: float
@@ -304,6 +401,17 @@ class _Pieces:
         hidden = _HIDDEN_BY_GRAIN * np.nan_to_num(shown).min(axis=1) + _GRAIN_HIDDEN_BY_TEXTURE * plainer
         seen = apart / (_GRAIN + hidden)
         return np.where(np.isfinite(seen), seen, 0.0)
+
+
+def _lasting(steps: npt.NDArray[np.float64], reach: float) -> npt.NDArray[np.float64]:
+    """Lessen steps, (K, 3), that pieces of the seam within a reach, px, do not have as well."""
+    apart = scipy.spatial.distance.squareform(scipy.spatial.distance.pdist(steps[:, :2]))
+    beside = (apart <= reach) & (apart > 0)
+    others = np.where(beside, steps[:, 2], 0).max(axis=1, initial=0)
+    alone = np.where(beside.any(axis=1), steps[:, 2] / _ALONE, steps[:, 2])
+    lasting = steps.copy()
+    lasting[:, 2] = np.maximum(alone, np.minimum(steps[:, 2], others))
+    return lasting
 
 
 def _inside(rows: npt.NDArray[np.float64], box: tuple[int, int, int, int]) -> npt.NDArray[np.float64]:
@@ -359,6 +467,12 @@ def _lab(colours: Floats32) -> Floats32:
     from skimage.color import rgb2lab
 
     return np.asarray(rgb2lab(colours), np.float32)
+
+
+def _averaged(picture: Floats32) -> Floats32:
+    """(h, w, 1) L* of a picture averaged over squares."""
+    mean = scipy.ndimage.uniform_filter(picture, (_COARSE, _COARSE, 0))
+    return _lab(mean)[..., :1]
 
 
 def _grain(picture: Floats32) -> Floats32:

@@ -65,6 +65,46 @@ def test_an_edge_of_the_scene_along_the_seam_is_no_step():
     assert ts.verdict(edge, CUT.astype(int)).step > 10  # nothing tells it from a seam
 
 
+def broken(by, texture=0.0):
+    """Two pictures of a dark line, in texture, of which the second shows it some px lower."""
+    rng = np.random.default_rng(5)
+    pictures = []
+    for shift in (0, by):
+        one = 150 + texture * rng.normal(0, 1, (200, 260))
+        one[100 + shift : 104 + shift] -= 60
+        pictures.append(np.clip(one, 0, 255).astype(np.uint8)[..., np.newaxis].repeat(3, axis=2))
+    return pictures
+
+
+@pytest.mark.parametrize(
+    ("by", "texture", "seen"), [(0, 0, False), (3, 0, True), (3, 3, True), (3, 60, False)]
+)
+def test_a_line_that_steps_at_the_seam_is_named(by, texture, seen):
+    a, b = broken(by, texture)
+    verdict = ts.verdict(joined(a, b), CUT.astype(int), [a, b])
+    assert verdict.unseen != seen
+    if seen:
+        assert abs(verdict.where[0] - 130) < 10
+        assert abs(verdict.where[1] - 103) < 12
+
+
+def test_pictures_that_differ_are_not_named_for_that():
+    a, b = (np.random.default_rng(seed).integers(0, 255, (200, 260, 3), np.uint8) for seed in (1, 2))
+    verdict = ts.verdict(joined(a, b), CUT.astype(int), [a, b])
+    assert verdict.worst < 0.1
+    assert verdict.unseen
+
+
+def test_what_fills_a_hole_is_no_break_of_the_seam():
+    a, b = broken(3)
+    holes = CUT.astype(int)
+    holes[90:116] = -1
+    pictures = [ts.Layer(one, mask=holes >= 0) for one in (a, b)]
+    made = ts.layers.restitch(pictures, [(holes == index) for index in (0, 1)], {})
+    (verdict,) = made.verdicts(window=lambda *at: joined(a, b)[at]).values()
+    assert verdict.unseen
+
+
 def test_a_wide_blend_hides_a_step_until_it_is_large():
     share = np.clip((np.arange(260) - 70) / 120, 0, 1)[np.newaxis, :, np.newaxis]
     for more, seen in ((3, False), (40, True)):

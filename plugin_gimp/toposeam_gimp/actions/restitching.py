@@ -12,6 +12,7 @@ from toposeam_gimp.actions.joining import draw_seams, put_mask, put_mask_part, p
 from toposeam_gimp.actions.windows import window_of
 from toposeam_gimp.engine.call import Call, renamed
 from toposeam_gimp.engine.folder import RequestFolder
+from toposeam_gimp.engine.process import keep
 from toposeam_gimp.image import curves, hints, pixels
 from toposeam_gimp.image import path_choice as choosing
 from toposeam_gimp.image.layers import (
@@ -91,6 +92,7 @@ def restitch(call: Call) -> Gimp.Layer:
                 _select_again(call, strokes if paints else group)
             _tell_beyond(call, [raster["name"] for raster in rasters], answer["beyond"])
             break
+    keep()
     return group
 
 
@@ -152,6 +154,7 @@ def paint_hints(call: Call) -> Gimp.Layer:
     selected = chosen_layers(image, under_masks(call.drawables))
     group, memory = stitched_group(image, selected)
     layers = _layers_of(image, memory)
+    keep()
     below = memory["kind"] == "patch"
     if len(layers) + below > len(hints.COLOURS):
         raise RefusedError(

@@ -25,19 +25,18 @@ _LOOK_EVERY_S = 2.0
 
 def bound(address: Path) -> socket.socket | None:
     """Return a socket that listens at an address; None if another engine already does."""
-    listener = socket.socket(socket.AF_UNIX)
-    old = os.umask(0o177)
+    with socket.socket(socket.AF_UNIX) as other, suppress(OSError):
+        other.connect(str(address))
+        return None
+    listener, old = socket.socket(socket.AF_UNIX), os.umask(0o177)
+    unready = address.with_name(f"{address.name}-{os.getpid()}")
     try:
-        if address.exists():
-            with socket.socket(socket.AF_UNIX) as other, suppress(OSError):
-                other.connect(str(address))
-                return None
-            address.unlink(missing_ok=True)
-        listener.bind(str(address))
+        listener.bind(str(unready))
     finally:
         os.umask(old)
     listener.listen(1)
     listener.settimeout(_LOOK_EVERY_S)
+    unready.rename(address)  # one that refuses counts as left behind
     return listener
 
 

@@ -90,21 +90,20 @@ def kept_engine(command: Sequence[str], protocol: int) -> KeptEngine | None:
     if not hasattr(socket, "AF_UNIX"):
         return None
     with suppress(OSError, RuntimeError):
-        connection = socket.socket(socket.AF_UNIX)
+        address, connection = _address(command), socket.socket(socket.AF_UNIX)
+        engine = KeptEngine(connection)
         connection.settimeout(_GREETING_S)
         try:
-            address = _address(command)
             connection.connect(str(address))
-        except ConnectionRefusedError:  # it was killed
-            connection.close()
+            line = engine.read_line(_GREETING_S)
+        except (ConnectionRefusedError, FileNotFoundError):
+            line = None
+        except (queue.Empty, OSError):  # at work
+            line = b"null"
+        if line is None:  # it was killed
             address.unlink(missing_ok=True)
-            return None
-        except BaseException:
-            connection.close()
-            raise
-        engine = KeptEngine(connection)
-        with suppress(queue.Empty, ValueError, AttributeError):
-            hello = json.loads(engine.read_line(_GREETING_S) or b"{}")
+        with suppress(ValueError, AttributeError):
+            hello = json.loads(line or b"null")
             if (hello.get("protocol"), hello.get("version")) == (protocol, __version__):
                 engine.greeted = True
                 return engine

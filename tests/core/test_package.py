@@ -78,6 +78,16 @@ def test_stitching_several_layers_loads_no_slow_modules():
     assert not (slow | {"toposeam.optimize.mma"}) & set(loaded)
 
 
+def test_filling_loads_no_svg():
+    loaded = in_a_fresh_process(
+        "import sys, numpy as np, toposeam as ts; image = np.random.default_rng(0).random((60, 60, 3))\n"
+        "hole = np.zeros((60, 60), bool); hole[20:30, 20:30] = True; ts.fill(image, hole)\n"
+        "print(*sys.modules)"
+    ).split()
+    assert "toposeam.texture.fill" in loaded
+    assert "toposeam.vector.svg" not in loaded
+
+
 def imported(tree):
     """Every module an ``import`` names, wherever it stands."""
     for node in ast.walk(tree):

@@ -5,6 +5,7 @@ from .ink.stroke_edges import EDGES
 from .ink.svg import SvgOptions, draw_svg
 from .join import JoinedMotifs, border_mismatch, join_motifs
 from .motif import Motif, repeat_densities
+from .optimise.growth import Growth, grow
 from .optimise.layer import Step
 from .recipe.recipe import LayerRecipe, Recipe
 from .recipe.simplify import simplify
@@ -20,6 +21,7 @@ __all__ = [
     "REPEATS",
     "STYLES",
     "Arrangement",
+    "Growth",
     "JoinedMotifs",
     "LayerRecipe",
     "Motif",
@@ -32,6 +34,7 @@ __all__ = [
     "border_mismatch",
     "border_visibility",
     "draw_svg",
+    "grow",
     "join_motifs",
     "kaleidoscope",
     "palette",

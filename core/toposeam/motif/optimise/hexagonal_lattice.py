@@ -91,14 +91,16 @@ def _spots(points: tuple[Point, ...], shape: tuple[int, int]) -> Floats:
     """Return discs round points in the lattice's metric, with relative strengths, as a field of sum 1."""
     side = shape[0]
     radius = max(SPOT_RADIUS * side, 0.75)
-    field = np.zeros(shape)
-    v, u = np.meshgrid(np.arange(side), np.arange(side), indexing="ij")
+    field, along = np.zeros(shape), np.arange(side)
+    reach = (radius + 0.5) * 2 / np.sqrt(3.0)
     for x, y, strength in points:
-        gap = np.full(shape, np.inf)
+        spot = np.zeros(shape)
         for i, j in _AROUND:
-            du, dv = u - (x + i) * side, v - (y + j) * side
-            np.minimum(gap, du * du + dv * dv - du * dv, out=gap)
-        spot = np.clip(radius + 0.5 - np.sqrt(gap), 0.0, 1.0)
+            du, dv = along - (x + i) * side, along - (y + j) * side
+            near = np.ix_(np.abs(dv) <= reach, np.abs(du) <= reach)
+            across, down = du[near[1]], dv[near[0]]
+            gap = across * across + down * down - across * down
+            spot[near] = np.maximum(spot[near], np.clip(radius + 0.5 - np.sqrt(gap), 0.0, 1.0))
         field += spot * (strength / spot.sum())
     total = field.sum()
     return field / total if total > 0 else field

@@ -25,7 +25,7 @@ from toposeam.optimize.oc import OCOptions, oc_step
 #: temperatures, to three digits.
 TOLERANCE, ENERGY = 1e-3, 1e-4
 #: Least side of a coarser plate, in elements.
-_MIN_COARSE_SIDE = 48
+MIN_COARSE_SIDE = 48
 #: Least radius of the filter at full size, in elements, for which coarser plates are used: they cannot hold
 #: finer strokes.
 _MIN_COARSE_RADIUS = 2.5
@@ -66,7 +66,7 @@ def plan(recipe: Recipe) -> list[tuple[tuple[int, int], int]]:
     while (
         coarse
         and len(shapes) < 4
-        and all(side % grain == 0 and side // 2 >= _MIN_COARSE_SIDE for side in shapes[0])
+        and all(side % grain == 0 and side // 2 >= MIN_COARSE_SIDE for side in shapes[0])
         and joint(recipe.repeat).fits((shapes[0][0] // 2, shapes[0][1] // 2))
     ):
         shapes.insert(0, (shapes[0][0] // 2, shapes[0][1] // 2))
@@ -114,7 +114,6 @@ def optimise_layer(
     history : tuple of Step
     """
     layer = recipe.layers[0]
-    balanced = is_balanced(layer, recipe)
     steps: list[Step] = []
     density: Floats | None = None
     temperature: Floats | None = None
@@ -126,39 +125,56 @@ def optimise_layer(
         if temperature is not None:
             temperature = refine_temperature(temperature, shape)
         for _ in range(count):
-            state = problem.plate.solve(
-                problem.conductivity(density, layer.penalty),
-                temperature,
-                tolerance=TOLERANCE,
-                energy=ENERGY,
-            )
-            temperature = state.nodes
-            steps.append(
-                Step(
-                    rows=shape[0],
-                    compliance=state.compliance,
-                    mass=float(density.mean()),
-                    solver=state.iterations,
-                )
-            )
-            slope = problem.filter_sensitivity(
-                density, problem.sensitivity(density, layer.penalty, state.energy)
-            )
-            options = OCOptions(move=recipe.move)
-            proposed = update(density, slope, problem.symmetry, layer.mass, options, upper=problem.upper)
-            if balanced:
-                lowest, highest = (
-                    np.maximum(density - recipe.move, MIN_DENSITY),
-                    np.minimum(density + recipe.move, problem.upper),
-                )
-                proposed = mirrors(recipe.repeat, shape).balance(
-                    proposed, layer.mass, lowest, highest, wash=layer.edge != "crisp"
-                )
-            density = proposed
+            density, temperature, step = advance(problem, recipe, density, temperature)
+            steps.append(step)
             if progress is not None:
                 progress(len(steps), density)
     assert density is not None  # noqa: S101
     return density.astype(np.float32), tuple(steps)
+
+
+def advance(
+    problem: LayerProblem, recipe: Recipe, density: Floats, temperature: Floats | None
+) -> tuple[Floats, Floats, Step]:
+    """Take one iteration of the one layer of a recipe.
+
+    Parameters
+    ----------
+    problem : LayerProblem
+        The layer on its plate.
+    recipe : Recipe
+    density : (h, w) float array
+    temperature : (h + 1, w + 1) float array or None
+        A guess: that of the iteration before.
+
+    Returns
+    -------
+    density, temperature : float arrays
+        The next density, and the temperatures of the one given.
+    step : Step
+    """
+    layer = recipe.layers[0]
+    state = problem.plate.solve(
+        problem.conductivity(density, layer.penalty), temperature, tolerance=TOLERANCE, energy=ENERGY
+    )
+    step = Step(
+        rows=len(density),
+        compliance=state.compliance,
+        mass=float(density.mean()),
+        solver=state.iterations,
+    )
+    slope = problem.filter_sensitivity(density, problem.sensitivity(density, layer.penalty, state.energy))
+    options = OCOptions(move=recipe.move)
+    proposed = update(density, slope, problem.symmetry, layer.mass, options, upper=problem.upper)
+    if is_balanced(layer, recipe):
+        lowest, highest = (
+            np.maximum(density - recipe.move, MIN_DENSITY),
+            np.minimum(density + recipe.move, problem.upper),
+        )
+        proposed = mirrors(recipe.repeat, problem.symmetry.shape).balance(
+            proposed, layer.mass, lowest, highest, wash=layer.edge != "crisp"
+        )
+    return proposed, state.nodes, step
 
 
 def update(

@@ -30,7 +30,6 @@ from toposeam.texture.exemplar.mirror_narrow import widened
 from toposeam.texture.exemplar.sources import Images, as_list
 from toposeam.texture.exemplar.turns import TURNS, Turns, count_of, turned
 from toposeam.vector.polyline import Polyline, trace_boundary
-from toposeam.vector.svg import write_svg
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -137,6 +136,8 @@ class Synthesis(PictureResult):
         path : str or Path, optional
             Also write the document there (an existing file is replaced).
         """
+        from toposeam.vector.svg import write_svg  # fills of a stitch's corners need none
+
         height, width = self.labels.shape
         text = write_svg(self.paths, width, height, self.settings)
         if path is not None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from gi.repository import Gimp
@@ -10,15 +11,16 @@ from gi.repository import Gimp
 from toposeam_gimp.actions.below import picture_below
 from toposeam_gimp.actions.joining import draw_seams, put_mask, put_mask_part, put_pixels, request_of
 from toposeam_gimp.actions.windows import window_of
-from toposeam_gimp.engine.call import Call, renamed
-from toposeam_gimp.engine.folder import RequestFolder
-from toposeam_gimp.engine.process import keep
+from toposeam_gimp.engine.call import Call, GoneError, renamed
+from toposeam_gimp.engine.folder import FolderError, RequestFolder
+from toposeam_gimp.engine.process import EngineError, keep
 from toposeam_gimp.image import curves, hints, pixels
 from toposeam_gimp.image import path_choice as choosing
 from toposeam_gimp.image.layers import (
     RefusedError,
     chosen_layers,
     lines_to_apply,
+    mark_place,
     one_undo_step,
     other_paths,
     remember,
@@ -27,18 +29,23 @@ from toposeam_gimp.image.layers import (
     sums_of,
     under_masks,
 )
+from toposeam_gimp.image.path_choice import UnclearError
 from toposeam_gimp.texts import _
 
 
 def restitch(call: Call) -> Gimp.Layer:
     """Update a stitched group, or a patch, so that its seams follow its paths, the strokes of its hints, and
-    its painted masks. Strokes are hidden then, and a mask that is selected stays so.
+    its painted masks. Strokes are hidden then, but for somebody who goes on painting (option "painting"); a
+    mask that is selected stays so. With the option "news-only" nothing happens if the strokes are as they
+    were.
     """
     image = call.image
     selected = chosen_layers(image, under_masks(call.drawables))
     group, memory = stitched_group(image, selected)
     layers, strokes = _layers_of(image, memory), hints.hints_of(image, memory)
     now: dict[str, Any] = {"masks": sums_of(layers), "strokes": pixels.tile_sums(strokes)}
+    if call.options.get("news-only") and now["strokes"] == memory.get("strokes", {}):
+        return group
     applied = _seams_to_apply(call, memory["seams"])
     bent = any(seam["touched"] for seam in applied)
     window = None if bent else window_of(layers, strokes, memory, now)
@@ -76,7 +83,7 @@ def restitch(call: Call) -> Gimp.Layer:
                 if answer["seams"] is not None:
                     seams = _redrawn(call, seams, answer["seams"], undone)
                 paints = strokes is not None and strokes.get_id() in {layer.get_id() for layer in selected}
-                if strokes is not None:
+                if strokes is not None and not call.options.get("painting"):
                     hints.hide_reach(image, strokes)
                     strokes.set_visible(False)
                 if answer["hints"] is not None:
@@ -94,6 +101,30 @@ def restitch(call: Call) -> Gimp.Layer:
             break
     keep()
     return group
+
+
+def _look(call: Call, strokes: Gimp.Layer) -> list[list[int]]:
+    """Return the places of the canvas where the seams, as they are shown, may be noticed."""
+    image = call.image
+    group, memory = stitched_group(image, [strokes])
+    layers = _layers_of(image, memory)
+    with request_of(image, layers, with_masks=False, of="restitch") as (folder, rasters):
+        shown = [pixels.send_mask(folder, layer, f"shown-{index}") for index, layer in enumerate(layers)]
+        if memory["kind"] == "patch":
+            rasters.insert(0, picture_below(folder, image, layers[0], pixels.box_of(rasters[0])))
+            shown.insert(0, None)
+        request = {
+            "look": True,
+            "layers": rasters,
+            "shown": shown,
+            "written": send_shown(folder, group, memory),
+            "masks_kept": memory["masks"] == sums_of(layers),
+            "seams": [],
+            "options": renamed(memory["options"]),
+        }
+        answer = call.ask(folder, {"operation": "restitch", **request})
+    places: list[list[int]] = answer["places"]
+    return places
 
 
 def _put(
@@ -178,9 +209,13 @@ def paint_hints(call: Call) -> Gimp.Layer:
         strokes.set_visible(True)
         image.set_selected_layers([strokes])
     chosen = {layer.get_id() for layer in selected}
+    meant = [index for index, layer in enumerate(layers) if layer.get_id() in chosen] or [len(layers) - 1]
+    if call.interactive:
+        Gimp.context_set_foreground(hints.colour(meant[-1] + below))
+        _paint_in_window(call, group, strokes, _names_of(memory, layers), meant[-1], below)
+        return strokes
     if strokes.get_id() in chosen:
         return strokes
-    meant = [index for index, layer in enumerate(layers) if layer.get_id() in chosen] or [len(layers) - 1]
     Gimp.context_set_foreground(hints.colour(meant[-1] + below))
     if len(layers) + below == 2:
         Gimp.context_set_background(hints.colour(1 - meant[-1] - below))
@@ -190,9 +225,78 @@ def paint_hints(call: Call) -> Gimp.Layer:
                 "Paint on “Seam hints” where “{name}” shall show: that is the foreground colour now. Each "
                 "layer has the colour of its tag in the Layers dialog; of two, X swaps them. Then choose "
                 "Re-stitch."
-            ).format(name=layers[meant[-1]].get_name())
+            ).format(name=_names_of(memory, layers)[meant[-1]])
         )
     return strokes
+
+
+def _paint_in_window(
+    call: Call, group: Gimp.Layer, strokes: Gimp.Layer, names: list[str], chosen: int, below: bool
+) -> None:
+    """Open the Seam window; hide strokes and outlines when it is closed."""
+    from toposeam_gimp.dialogs.seam_window import SeamWindow
+
+    image = call.image
+    if below:
+        names, chosen = [_("What lies below"), *names], chosen + 1
+
+    def of_strokes(
+        work: Callable[[Call], object], show_progress: Callable[[float], object], *, news_only: bool = False
+    ) -> str:
+        painted = [one for one in image.get_selected_drawables() if isinstance(one, Gimp.LayerMask)]
+        own = replace(
+            call,
+            drawables=painted or [strokes],
+            options={"painting": True, "news-only": news_only},
+            remarks=[],
+            show_progress=show_progress,
+        )
+        try:
+            work(own)
+        except (RefusedError, UnclearError, GoneError, EngineError, FolderError) as error:
+            return str(error)
+        return " ".join(own.remarks)
+
+    def again(news_only: bool, show_progress: Callable[[float], object]) -> str:
+        return of_strokes(restitch, show_progress, news_only=news_only)
+
+    def next_place(show_progress: Callable[[float], object]) -> str:
+        return of_strokes(lambda own: _mark_next(own, _look(own, strokes), marked), show_progress)
+
+    marked: list[list[int]] = []
+    Gimp.displays_flush()
+    Gimp.progress_end()
+    SeamWindow(image, strokes, names, chosen, again, next_place).run()
+    if image.is_valid() and strokes.is_valid():
+        with one_undo_step(image):
+            hints.hide_reach(image, strokes)
+            strokes.set_visible(False)
+            strokes.set_opacity(hints.OPACITY)
+            image.set_selected_layers([group])
+
+
+def _mark_next(call: Call, places: Sequence[list[int]], marked: list[list[int]]) -> None:
+    """Let guides cross at the next place, and say where it is; after the last one begin anew."""
+    left = [place for place in places if place not in marked]
+    if not places:
+        call.tell(_("No place is likely to be noticed."))
+        return
+    if not left:
+        marked.clear()
+        left = list(places)
+    marked.append(left[0])
+    mark_place(call.image, left[0])
+    call.tell(
+        _("Guides cross at {x},{y}; {count} more such places.").format(
+            x=left[0][0], y=left[0][1], count=len(left) - 1
+        )
+    )
+
+
+def _names_of(memory: Mapping[str, Any], layers: Sequence[Gimp.Layer]) -> list[str]:
+    """Return the names that the layers had before they were joined."""
+    names = list(memory.get("names") or [])
+    return names if len(names) == len(layers) else [layer.get_name() for layer in layers]
 
 
 def _layers_of(image: Gimp.Image, memory: dict[str, Any]) -> list[Gimp.Layer]:

@@ -23,7 +23,9 @@ def turn(patience_s: float = _PATIENCE_S) -> Iterator[None]:
     """
     lock = None
     with suppress(ImportError, OSError, KeyError, RuntimeError):
-        lock = os.open(session_folder() / _NAME, os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
+        lock = os.open(
+            session_folder() / _NAME, os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600
+        )
         _wait(lock, time.monotonic() + patience_s)
     try:
         yield

@@ -15,7 +15,7 @@ from toposeam_gimp.image.seam_colours import COLOURS as COLOURS
 from toposeam_gimp.texts import _
 
 #: Opacity of the layer of strokes, %, so that the picture is seen through it.
-_OPACITY = 60.0
+OPACITY = 60.0
 #: Name of the parasite on a layer of strokes: the tattoo of the layer with the outlines.
 _REACH_PARASITE = "toposeam-reach"
 
@@ -32,7 +32,7 @@ def new_hints(image: Gimp.Image, group: Gimp.Layer, box: pixels.Box) -> Gimp.Lay
     position = image.get_item_position(group)
     image.insert_layer(layer, group.get_parent(), position if group.is_group() else max(position - 1, 0))
     layer.set_offsets(box[0], box[1])
-    layer.set_opacity(_OPACITY)
+    layer.set_opacity(OPACITY)
     mark = list(str(group.get_tattoo()).encode())
     layer.attach_parasite(Gimp.Parasite.new(HINTS_PARASITE, KEPT, mark))
     return layer

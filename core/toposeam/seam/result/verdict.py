@@ -24,6 +24,7 @@ doi:10.1002/col.20070). Grain that ends at the seam is a step, too.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -40,6 +41,13 @@ SQUARE_PX = 16
 HALF_COST = 18.0
 #: Share of a seam's interfaces that are its worst part.
 _WORST_SHARE = 0.1
+#: Distance at which a square counts as near, px: half its diagonal more than the side of one.
+_NEAR_PX = 24
+#: Likeness at which something is cut: beside seams that pass what does not meet, up to 6.4 px apart, nothing
+#: was to be seen at 0.25.
+_CUT = 0.2
+#: Least distance of places that are listed, px: about what is seen at once in a window at 100 %.
+_APART_PX = 100
 #: Least likeness of the worst part of a seam that counts as not to be seen.
 UNSEEN = 0.5
 #: Bands beside a seam: from and to which distance, px; the side of the pieces of the seam, px; T, ΔE.
@@ -94,6 +102,30 @@ class Verdict:
     def unseen(self) -> bool:
         """True if even the worst part of the seam is unlikely to be noticed."""
         return self.visibility <= 1
+
+    @property
+    def places(self) -> list[tuple[int, int]]:
+        """Where the seam may be noticed, (x, y) on the canvas, px, the most visible first: the middles of
+        squares and pieces, none within 100 px of a more visible one.
+        """
+        if self._squares is None:
+            return [] if self.unseen or self.where is None else [self.where]
+        unlike = np.column_stack([self._squares[:, :2], 1 / np.maximum(self._squares[:, 2], 1e-9) - 1])
+        found = unlike if self._steps is None else np.concatenate([unlike, self._steps])
+        chosen = list[tuple[int, int]]()
+        for x, y, seen in found[np.argsort(-found[:, 2])]:
+            if seen > 1 and all(math.hypot(x - i, y - j) > _APART_PX for i, j in chosen):
+                chosen.append((round(x), round(y)))
+        return chosen
+
+    def is_noticed_near(self, x: float, y: float) -> bool:
+        """Test whether the seam cuts something within 24 px of a place of the canvas, with a likeness of 0.2
+        or less; if that is unknown, whether it may be noticed anywhere.
+        """
+        if self.unseen or self._squares is None:
+            return not self.unseen
+        near = np.hypot(self._squares[:, 0] - x, self._squares[:, 1] - y) <= _NEAR_PX
+        return bool((self._squares[near, 2] <= _CUT).any())
 
     def inside(self, box: tuple[int, int, int, int] | None) -> Verdict:
         """Judge the part of the seam inside a crop of the canvas, with places counted from its corner.

@@ -34,8 +34,8 @@ def restitch(job: EngineJob) -> dict[str, Any]:
 
     Each path that was edited divides the pixels that its pair shows. If two layers were moved since they were
     joined, every path does. A request to `look` is answered by the places where seams may be noticed. One may
-    hold only a window of layers that stayed, with the box (`within`) in which pixels may change; if more would
-    have to, the answer is to ask again, with everything.
+    hold only a window of layers that stayed, with the box (`within`) in which pixels may change; if more
+    would have to, the answer is to ask again, with everything.
     """
     layers, options = layers_of(job), blending(job.options)
     canvas, within = ts.layers.common_canvas(layers), _box(job.request.get("within"))

@@ -70,7 +70,7 @@ def restitch(call: Call) -> Gimp.Layer:
                 "written": send_shown(folder, group, memory),
                 "hints": pixels.send_strokes(folder, strokes, now["strokes"], sent),
                 "news": strokes and pixels.changed_box(strokes, before, now["strokes"]),
-                "colours": [colour for colour, _tag in hints.COLOURS][: len(rasters)],
+                "colours": hints.colours_in(image)[: len(rasters)],
                 "seams": applied,
                 "options": renamed(memory["options"]),
             }
@@ -211,14 +211,14 @@ def paint_hints(call: Call) -> Gimp.Layer:
     chosen = {layer.get_id() for layer in selected}
     meant = [index for index, layer in enumerate(layers) if layer.get_id() in chosen] or [len(layers) - 1]
     if call.interactive:
-        Gimp.context_set_foreground(hints.colour(meant[-1] + below))
+        Gimp.context_set_foreground(hints.colour(image, meant[-1] + below))
         _paint_in_window(call, group, strokes, _names_of(memory, layers), meant[-1], below)
         return strokes
     if strokes.get_id() in chosen:
         return strokes
-    Gimp.context_set_foreground(hints.colour(meant[-1] + below))
+    Gimp.context_set_foreground(hints.colour(image, meant[-1] + below))
     if len(layers) + below == 2:
-        Gimp.context_set_background(hints.colour(1 - meant[-1] - below))
+        Gimp.context_set_background(hints.colour(image, 1 - meant[-1] - below))
     if is_new:
         call.tell(
             _(

@@ -108,7 +108,7 @@ class SeamWindow:
         label.set_max_width_chars(_NAME)
         label.set_ellipsize(3)  # Pango's END
         colour = GdkPixbuf.Pixbuf.new(GdkPixbuf.Colorspace.RGB, False, 8, _CHIP, _CHIP)
-        colour.fill(int.from_bytes([*hints.COLOURS[index][0], 255]))
+        colour.fill(int.from_bytes([*hints.colours_in(self._image)[index], 255]))
         chip = Gtk.Image.new_from_pixbuf(colour)
         row.pack_start(chip, False, False, 0)
         row.pack_start(label, True, True, 0)
@@ -122,7 +122,7 @@ class SeamWindow:
     def _choose(self, index: int) -> None:
         """Paint with the colour of a layer, on the strokes."""
         if self._strokes.is_valid():
-            Gimp.context_set_foreground(hints.colour(index))
+            Gimp.context_set_foreground(hints.colour(self._image, index))
             self._image.set_selected_layers([self._strokes])
             Gimp.displays_flush()
 

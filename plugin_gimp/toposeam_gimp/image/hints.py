@@ -12,6 +12,7 @@ from toposeam_gimp.image import pixels
 from toposeam_gimp.image.layers import HINTS_PARASITE, KEPT
 from toposeam_gimp.image.reach import draw_reach
 from toposeam_gimp.image.seam_colours import COLOURS as COLOURS
+from toposeam_gimp.image.seam_colours import colours_in as colours_in
 from toposeam_gimp.texts import _
 
 #: Opacity of the layer of strokes, %, so that the picture is seen through it.
@@ -85,6 +86,6 @@ def hide_reach(image: Gimp.Image, strokes: Gimp.Layer) -> None:
         strokes.detach_parasite(_REACH_PARASITE)
 
 
-def colour(index: int) -> Gegl.Color:
-    """Return the colour of strokes for a layer, counted from the lowest."""
-    return Gegl.Color.new("#" + bytes(COLOURS[index][0]).hex())
+def colour(image: Gimp.Image, index: int) -> Gegl.Color:
+    """Return the colour of strokes for a layer of an image, counted from the lowest."""
+    return Gegl.Color.new("#" + bytes(colours_in(image)[index]).hex())

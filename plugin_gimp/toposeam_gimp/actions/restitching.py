@@ -1,9 +1,8 @@
-"""Re-stitch, and Paint Seam Hints, which prepares it: seams follow bent paths, strokes, and painted masks."""
+"""Re-stitch: seams follow bent paths, strokes, and painted masks."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from gi.repository import Gimp
@@ -11,16 +10,15 @@ from gi.repository import Gimp
 from toposeam_gimp.actions.below import picture_below
 from toposeam_gimp.actions.joining import draw_seams, put_mask, put_mask_part, put_pixels, request_of
 from toposeam_gimp.actions.windows import window_of
-from toposeam_gimp.engine.call import Call, GoneError, renamed
-from toposeam_gimp.engine.folder import FolderError, RequestFolder
-from toposeam_gimp.engine.process import EngineError, keep
+from toposeam_gimp.engine.call import Call, renamed
+from toposeam_gimp.engine.folder import RequestFolder
+from toposeam_gimp.engine.process import keep
 from toposeam_gimp.image import curves, hints, pixels
 from toposeam_gimp.image import path_choice as choosing
 from toposeam_gimp.image.layers import (
     RefusedError,
     chosen_layers,
     lines_to_apply,
-    mark_place,
     one_undo_step,
     other_paths,
     remember,
@@ -29,7 +27,6 @@ from toposeam_gimp.image.layers import (
     sums_of,
     under_masks,
 )
-from toposeam_gimp.image.path_choice import UnclearError
 from toposeam_gimp.texts import _
 
 
@@ -42,7 +39,7 @@ def restitch(call: Call) -> Gimp.Layer:
     image = call.image
     selected = chosen_layers(image, under_masks(call.drawables))
     group, memory = stitched_group(image, selected)
-    layers, strokes = _layers_of(image, memory), hints.hints_of(image, memory)
+    layers, strokes = layers_of(image, memory), hints.hints_of(image, memory)
     now: dict[str, Any] = {"masks": sums_of(layers), "strokes": pixels.tile_sums(strokes)}
     if call.options.get("news-only") and now["strokes"] == memory.get("strokes", {}):
         return group
@@ -103,30 +100,6 @@ def restitch(call: Call) -> Gimp.Layer:
     return group
 
 
-def _look(call: Call, strokes: Gimp.Layer) -> list[list[int]]:
-    """Return the places of the canvas where the seams, as they are shown, may be noticed."""
-    image = call.image
-    group, memory = stitched_group(image, [strokes])
-    layers = _layers_of(image, memory)
-    with request_of(image, layers, with_masks=False, of="restitch") as (folder, rasters):
-        shown = [pixels.send_mask(folder, layer, f"shown-{index}") for index, layer in enumerate(layers)]
-        if memory["kind"] == "patch":
-            rasters.insert(0, picture_below(folder, image, layers[0], pixels.box_of(rasters[0])))
-            shown.insert(0, None)
-        request = {
-            "look": True,
-            "layers": rasters,
-            "shown": shown,
-            "written": send_shown(folder, group, memory),
-            "masks_kept": memory["masks"] == sums_of(layers),
-            "seams": [],
-            "options": renamed(memory["options"]),
-        }
-        answer = call.ask(folder, {"operation": "restitch", **request})
-    places: list[list[int]] = answer["places"]
-    return places
-
-
 def _put(
     folder: RequestFolder,
     call: Call,
@@ -177,129 +150,8 @@ def _tell_beyond(call: Call, names: Sequence[str], beyond: Sequence[int]) -> Non
         )
 
 
-def paint_hints(call: Call) -> Gimp.Layer:
-    """Show and select the layer of hints, on which people paint where each layer shall show, and how far each
-    layer reaches; choose a colour, but for somebody who has just painted. Make the layer if there is none.
-    """
-    image = call.image
-    selected = chosen_layers(image, under_masks(call.drawables))
-    group, memory = stitched_group(image, selected)
-    layers = _layers_of(image, memory)
-    keep()
-    below = memory["kind"] == "patch"
-    if len(layers) + below > len(hints.COLOURS):
-        raise RefusedError(
-            _(
-                "There are colours for {count} layers, and this group has more; paint on the layers' masks "
-                "instead, and choose Re-stitch."
-            ).format(count=len(hints.COLOURS))
-        )
-    strokes: Any = hints.hints_of(image, memory)
-    is_new = strokes is None
-    with one_undo_step(image):
-        if is_new:
-            boxes = [pixels.layer_box(layer) for layer in layers]
-            strokes = hints.new_hints(image, group, pixels.around(boxes))
-            kept = ("kind", "options", "names", "masks", "margin")
-            about = {name: memory[name] for name in kept if name in memory}
-            remember(None, group, layers, memory["seams"], None, about, memory, strokes)
-        for index, layer in enumerate(layers, start=int(below)):
-            layer.set_color_tag(hints.COLOURS[index][1])
-        hints.show_reach(image, strokes, layers, int(below))
-        strokes.set_visible(True)
-        image.set_selected_layers([strokes])
-    chosen = {layer.get_id() for layer in selected}
-    meant = [index for index, layer in enumerate(layers) if layer.get_id() in chosen] or [len(layers) - 1]
-    if call.interactive:
-        Gimp.context_set_foreground(hints.colour(image, meant[-1] + below))
-        _paint_in_window(call, group, strokes, _names_of(memory, layers), meant[-1], below)
-        return strokes
-    if strokes.get_id() in chosen:
-        return strokes
-    Gimp.context_set_foreground(hints.colour(image, meant[-1] + below))
-    if len(layers) + below == 2:
-        Gimp.context_set_background(hints.colour(image, 1 - meant[-1] - below))
-    if is_new:
-        call.tell(
-            _(
-                "Paint on “Seam hints” where “{name}” shall show: that is the foreground colour now. Each "
-                "layer has the colour of its tag in the Layers dialog; of two, X swaps them. Then choose "
-                "Re-stitch."
-            ).format(name=_names_of(memory, layers)[meant[-1]])
-        )
-    return strokes
-
-
-def _paint_in_window(
-    call: Call, group: Gimp.Layer, strokes: Gimp.Layer, names: list[str], chosen: int, below: bool
-) -> None:
-    """Open the Seam window; hide strokes and outlines when it is closed."""
-    from toposeam_gimp.dialogs.seam_window import SeamWindow
-
-    image = call.image
-    if below:
-        names, chosen = [_("What lies below"), *names], chosen + 1
-
-    def of_strokes(
-        work: Callable[[Call], object], show_progress: Callable[[float], object], *, news_only: bool = False
-    ) -> str:
-        painted = [one for one in image.get_selected_drawables() if isinstance(one, Gimp.LayerMask)]
-        own = replace(
-            call,
-            drawables=painted or [strokes],
-            options={"painting": True, "news-only": news_only},
-            remarks=[],
-            show_progress=show_progress,
-        )
-        try:
-            work(own)
-        except (RefusedError, UnclearError, GoneError, EngineError, FolderError) as error:
-            return str(error)
-        return " ".join(own.remarks)
-
-    def again(news_only: bool, show_progress: Callable[[float], object]) -> str:
-        return of_strokes(restitch, show_progress, news_only=news_only)
-
-    def next_place(show_progress: Callable[[float], object]) -> str:
-        return of_strokes(lambda own: _mark_next(own, _look(own, strokes), marked), show_progress)
-
-    marked: list[list[int]] = []
-    Gimp.displays_flush()
-    Gimp.progress_end()
-    SeamWindow(image, strokes, names, chosen, again, next_place).run()
-    if image.is_valid() and strokes.is_valid():
-        with one_undo_step(image):
-            hints.hide_reach(image, strokes)
-            strokes.set_visible(False)
-            strokes.set_opacity(hints.OPACITY)
-            image.set_selected_layers([group])
-
-
-def _mark_next(call: Call, places: Sequence[list[int]], marked: list[list[int]]) -> None:
-    """Let guides cross at the next place, and say where it is; after the last one begin anew."""
-    left = [place for place in places if place not in marked]
-    if not places:
-        call.tell(_("No place is likely to be noticed."))
-        return
-    if not left:
-        marked.clear()
-        left = list(places)
-    marked.append(left[0])
-    mark_place(call.image, left[0])
-    call.tell(
-        _("Guides cross at {x},{y}; {count} more such places.").format(
-            x=left[0][0], y=left[0][1], count=len(left) - 1
-        )
-    )
-
-
-def _names_of(memory: Mapping[str, Any], layers: Sequence[Gimp.Layer]) -> list[str]:
-    """Return the names that the layers had before they were joined."""
-    names = list(memory.get("names") or [])
-    return names if len(names) == len(layers) else [layer.get_name() for layer in layers]
-
-
-def _layers_of(image: Gimp.Image, memory: dict[str, Any]) -> list[Gimp.Layer]:
+def layers_of(image: Gimp.Image, memory: Mapping[str, Any]) -> list[Gimp.Layer]:
+    """Return the layers of a stitched group by its record, the lowest first."""
     layers = [image.get_layer_by_tattoo(tattoo) for tattoo in memory["layers"]]
     if any(layer is None for layer in layers):
         raise RefusedError(_("A layer of this group was deleted or merged; stitch the layers again."))

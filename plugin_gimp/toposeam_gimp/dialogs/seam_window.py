@@ -5,15 +5,16 @@ people paint.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from functools import partial
 
 import gi
 
 for _name, _version in (("Gtk", "3.0"), ("Gdk", "3.0"), ("GimpUi", "3.0")):
     gi.require_version(_name, _version)
-from gi.repository import Gdk, GdkPixbuf, Gimp, GimpUi, GLib, Gtk  # noqa: E402
+from gi.repository import Gdk, GdkPixbuf, GimpUi, GLib, Gtk  # noqa: E402
 
-from toposeam_gimp.image import hints  # noqa: E402
+from toposeam_gimp.actions.painting import Painting  # noqa: E402
 from toposeam_gimp.texts import _  # noqa: E402
 
 #: How often it looks whether something was painted, ms: a stroke counts as ended when nothing has changed
@@ -28,35 +29,11 @@ _NAME, _WIDE = 24, 36
 
 
 class SeamWindow:
-    """The window for the strokes of one stitched group.
+    """The window for the strokes of one stitched group."""
 
-    Parameters
-    ----------
-    image : Image
-    strokes : Layer
-    names : sequence of str
-        Of the layers, the lowest first.
-    chosen : int
-        The layer whose colour is the foreground.
-    restitch : callable
-        Joins the layers again, with news of strokes only, or in any case; returns what is said about it. Its
-        second argument shows the share of the work done.
-    next_place : callable
-        Marks the next place where the seam may be seen; returns what is said about it.
-    """
-
-    def __init__(
-        self,
-        image: Gimp.Image,
-        strokes: Gimp.Layer,
-        names: Sequence[str],
-        chosen: int,
-        restitch: Callable[[bool, Callable[[float], object]], str],
-        next_place: Callable[[Callable[[float], object]], str],
-    ) -> None:
+    def __init__(self, painting: Painting) -> None:
         GimpUi.init("toposeam_gimp")
-        self._image, self._strokes = image, strokes
-        self._restitch, self._next_place = restitch, next_place
+        self._painting = painting
         self._busy, self._changed, self._seen = False, False, self._small()
         self._dialog = Gtk.Dialog(title=_("Seam"), border_width=_SPACE)
         self._dialog.set_keep_above(True)
@@ -64,17 +41,17 @@ class SeamWindow:
         column = self._dialog.get_content_area()
         column.set_spacing(_SPACE)
         first = None
-        for index, name in enumerate(names):
-            first = self._chip(column, first, index, name, active=index == chosen)
+        for index, name in enumerate(painting.names):
+            first = self._chip(column, first, index, name)
         self._by_itself = Gtk.CheckButton.new_with_mnemonic(_("Re-stitch by _itself when a stroke ends"))
         self._by_itself.set_active(True)
         shows = Gtk.CheckButton.new_with_mnemonic(_("Show _strokes"))
         shows.set_active(True)
-        shows.connect("toggled", lambda box: self._show(box.get_active()))
+        shows.connect("toggled", self._show)
         again = Gtk.Button.new_with_mnemonic(_("_Re-stitch"))
-        again.connect("clicked", lambda _button: self._work(lambda told: restitch(False, told)))
+        again.connect("clicked", lambda _button: self._work(painting.restitch))
         place = Gtk.Button.new_with_mnemonic(_("_Next bad place"))
-        place.connect("clicked", lambda _button: self._work(next_place))
+        place.connect("clicked", lambda _button: self._work(painting.next_place))
         self._buttons = Gtk.Box(spacing=_SPACE, homogeneous=True)
         for button in (again, place):
             self._buttons.pack_start(button, True, True, 0)
@@ -98,47 +75,40 @@ class SeamWindow:
         Gtk.main()
         GLib.source_remove(timer)
         self._dialog.destroy()
+        if self._painting.goes_on:
+            self._painting.finish()
 
-    def _chip(
-        self, column: Gtk.Box, first: Gtk.RadioButton | None, index: int, name: str, *, active: bool
-    ) -> Gtk.RadioButton:
+    def _chip(self, column: Gtk.Box, first: Gtk.RadioButton | None, index: int, name: str) -> Gtk.RadioButton:
         """Add the button of a layer, with its colour."""
         button = Gtk.RadioButton.new_from_widget(first)
         row, label = Gtk.Box(spacing=_SPACE), Gtk.Label(label=name, xalign=0)
         label.set_max_width_chars(_NAME)
         label.set_ellipsize(3)  # Pango's END
         colour = GdkPixbuf.Pixbuf.new(GdkPixbuf.Colorspace.RGB, False, 8, _CHIP, _CHIP)
-        colour.fill(int.from_bytes([*hints.colours_in(self._image)[index], 255]))
+        colour.fill(int.from_bytes([*self._painting.colour_of(index), 255]))
         chip = Gtk.Image.new_from_pixbuf(colour)
         row.pack_start(chip, False, False, 0)
         row.pack_start(label, True, True, 0)
         button.add(row)
         button.get_accessible().set_name(name)
-        button.set_active(active)
+        button.set_active(self._painting.is_chosen(index))
         button.connect("clicked", lambda _button: self._choose(index) if button.get_active() else None)
         column.pack_start(button, False, False, 0)
         return first or button
 
-    def _choose(self, index: int) -> None:
-        """Paint with the colour of a layer, on the strokes."""
-        if self._strokes.is_valid():
-            Gimp.context_set_foreground(hints.colour(self._image, index))
-            self._image.set_selected_layers([self._strokes])
-            Gimp.displays_flush()
+    def _show(self, box: Gtk.CheckButton) -> None:
+        if self._painting.goes_on:
+            self._painting.show(box.get_active())
 
-    def _show(self, shown: bool) -> None:
-        """Show the strokes, or make them transparent, so that they can still be painted on; no undo step."""
-        if self._strokes.is_valid():
-            self._image.undo_freeze()
-            self._strokes.set_opacity(hints.OPACITY if shown else 0.0)
-            self._image.undo_thaw()
-            Gimp.displays_flush()
+    def _choose(self, index: int) -> None:
+        if self._painting.goes_on:
+            self._painting.choose(index)
 
     def _look(self) -> bool:
         """Join the layers again when a stroke has ended."""
         if self._busy:
             return True
-        if not (self._image.is_valid() and self._strokes.is_valid()):
+        if not self._painting.goes_on:
             Gtk.main_quit()
             return False
         seen = self._small()
@@ -146,12 +116,12 @@ class SeamWindow:
         self._changed = self._changed or changes
         if self._changed and not changes and not _presses() and self._by_itself.get_active():
             self._changed = False
-            self._work(lambda told: self._restitch(True, told))
+            self._work(partial(self._painting.restitch, news_only=True))
         return True
 
     def _small(self) -> bytes:
         """Return a checksum of a small copy of the strokes."""
-        content = self._strokes.get_thumbnail_data(_SMALL, _SMALL)[0]
+        content = self._painting.strokes.get_thumbnail_data(_SMALL, _SMALL)[0]
         return hashlib.blake2b(content.get_data(), digest_size=16).digest()
 
     def _work(self, work: Callable[[Callable[[float], object]], str]) -> None:
@@ -166,7 +136,6 @@ class SeamWindow:
 
         told(0.02)
         self._say(work(told))
-        Gimp.displays_flush()
         self._bar.set_fraction(0.0)
         self._buttons.set_sensitive(True)
         self._busy = False

@@ -259,7 +259,7 @@ SEAM_ENTRIES = (
         name="plug-in-toposeam-hints",
         label=_("Paint Seam _Hints"),
         menu=LAYERS,
-        work="restitching.paint_hints",
+        work="painting.paint_hints",
         needs="layers",
         blurb=_(
             "Get a layer to paint on which layer of a panorama or stitched group shall show where: a face "
@@ -273,6 +273,7 @@ SEAM_ENTRIES = (
             "strokes that shall no longer count."
         ),
         returns=("hints", "The layer to paint on"),
+        paints=True,
     ),
     Procedure(
         name="plug-in-toposeam-restitch",

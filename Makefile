@@ -25,7 +25,7 @@ $(READY): pyproject.toml
 	$(PIP) install --quiet --editable '.[test,bench,lint,docs]'
 	@touch $(INSTALLED) $@
 
-demo: $(INSTALLED)  ## join two photographs along a seam, into ./demo
+demo: $(INSTALLED)  ## run the main jobs on the samples, into ./demo, with a page of the pictures
 	$(BIN)/python samples/demo.py demo
 
 test: $(READY)  ## every test
@@ -137,7 +137,8 @@ figures: $(READY)  ## the documents' pictures, but those of GIMP, into docs/figu
 	$(BIN)/python docs/picture_page.py
 	$(BIN)/python docs/compared_figures.py
 	$(BIN)/python docs/panorama_figures.py
-	$(BIN)/python docs/made.py panorama_figures.py make_figures.py motif_figures.py make_pattern_figures.py texture_figures.py stitching_figures.py volume_figures.py picture_page.py compared_figures.py
+	$(BIN)/python docs/method_figures.py
+	$(BIN)/python docs/made.py panorama_figures.py method_figures.py make_figures.py motif_figures.py make_pattern_figures.py texture_figures.py stitching_figures.py volume_figures.py picture_page.py compared_figures.py
 
 clean:  ## remove what the other targets made
 	rm -rf $(VENV) $(VENV)-lowest demo build dist .pytest_cache .mypy_cache .ruff_cache

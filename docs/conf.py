@@ -134,17 +134,34 @@ PAGES = {
 }
 
 
+#: Former names, which stay for a version, and the verbs that took their place.
+FORMER = {
+    "generate_motif": "motif",
+    "join_volumes": "volume",
+    "make_tileable": "tile",
+    "plan_path": "path",
+    "synthesize": "synth",
+}
+
+
 def offered() -> dict[str, str]:
-    """Every public name as one writes it after ``toposeam.``, and the module that it comes from."""
+    """Every public name as one writes it after ``toposeam.``, and the module that it comes from; former names
+    are left out.
+    """
     found = {}
     for stub in sorted([_PUBLIC / "__init__.pyi", *_PUBLIC.glob("*/__init__.pyi")]):
         room = ".".join(stub.parent.relative_to(_PUBLIC).parts)
         for node in ast.parse(stub.read_text(encoding="utf-8")).body:
             if isinstance(node, ast.ImportFrom) and node.module:
                 module = ".".join(filter(None, ("toposeam", room, node.module)))
-                found |= {".".join(filter(None, (room, alias.name))): module for alias in node.names}
+                for alias in node.names:
+                    name = alias.name if room else FORMER.get(alias.name, alias.name)
+                    found[".".join(filter(None, (room, name)))] = module
     return found
 
+
+#: Tables that are too long to be shown.
+LONG = {"motif.STYLES"}
 
 #: Figures that show what a function does.
 PICTURED = {
@@ -152,17 +169,17 @@ PICTURED = {
     "find_places": "compared.jpg",
     "find_seam": "hero.png",
     "find_surface": "surface-heat.png",
-    "generate_motif": "motifs-seeds.jpg",
-    "join_volumes": "volume-cells.png",
     "loop": "loop-strip.jpg",
+    "motif": "motifs-seeds.jpg",
     "motif.join_motifs": "motifs-joined.jpg",
-    "plan_path": "paths-obstacles.png",
+    "path": "paths-obstacles.png",
     "repeat": "patterns-rules.jpg",
     "solid.generate_solid": "studies-solids.jpg",
     "stitch": "stitching-coffee.jpg",
     "synth": "texture-maps.jpg",
     "texture.tile_set": "texture-tiles.jpg",
     "tile": "texture-tile.jpg",
+    "volume": "volume-cells.png",
 }
 
 
@@ -196,7 +213,8 @@ def write_reference(folder: Path) -> None:
         lines += [*(f"   {_page(name)}" for name in listed), ""]
         for name, module in found:
             if name.split(".")[-1].isupper():
-                lines += [f".. autodata:: {module}.{name.split('.')[-1]}", ""]
+                lines += [f".. autodata:: {module}.{name.split('.')[-1]}"]
+                lines += ["   :no-value:", ""] if name in LONG else [""]
             else:
                 _write(folder / f"{_page(name)}.rst", _described(name))
         _write(folder / f"{page}.rst", "\n".join(lines))
@@ -227,10 +245,12 @@ def _page(name: str) -> str:
 def _described(name: str) -> str:
     """The page of a class or a function."""
     title = f"ts.{name}"
+    former = [old for old, verb in FORMER.items() if verb == name]
     kind = "autoclass" if name.split(".")[-1][0].isupper() else "autofunction"
     lines = [title, "=" * len(title), "", f".. {kind}:: toposeam.{name}", ""]
     if name in PICTURED:
         lines += [f".. image:: ../figures/{PICTURED[name]}", f"   :alt: what ts.{name} makes", ""]
+    lines += [f"``ts.{old}`` is a former name of it, and stays for a version.\n" for old in former]
     return "\n".join(lines)
 
 

@@ -35,9 +35,20 @@ SCRIPTS: dict[str, tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = {
         ("samples/still_life_left.png", "samples/still_life_right.png"),
     ),
     "panorama_figures.py": (
-        ("panoramas-steps.jpg",),
+        ("panoramas-*",),
         ("seam",),
         ("docs/compared_figures.py", "samples/portrait_left.jpg", "samples/portrait_right.jpg"),
+    ),
+    "method_figures.py": (
+        ("method-*", "heat-*", "tutorial-*"),
+        ("seam", "texture", "motif"),
+        (
+            "docs/compared_figures.py",
+            *(
+                f"samples/{name}"
+                for name in ("portrait_left.jpg", "portrait_right.jpg", "grass_a.png", "grass_b.png")
+            ),
+        ),
     ),
     "texture_figures.py": (
         ("fig-3.24*", "fig-3.25*", "fig-3.26*", "texture-*"),

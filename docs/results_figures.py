@@ -1,5 +1,5 @@
 """The summary of docs/results.md: a table and two plots, drawn from the tables of that page and of
-docs/panoramas.md, so that no number stands there twice by hand.
+docs/panoramas.md, so that no number stands there twice by hand; and a plot of a table of docs/heat.md.
 
 ``python docs/results_figures.py``; ``make results`` runs it (needs ``pip install '.[plot]'``).
 """
@@ -28,8 +28,10 @@ def main() -> None:
     jobs = compared(text, photographs)
     draw_methods(methods, DOCS / "figures/results-methods.png")
     draw_jobs(jobs, DOCS / "figures/results-peers.png")
+    draw_rings(rings((DOCS / "heat.md").read_text(encoding="utf-8")), DOCS / "figures/results-rings.png")
     lines = [
-        "| job | peer | error, or what shows: TopoSeam's ÷ the peer's | processor time, likewise |",
+        "| job | peer | error, or what shows: TopoSeam's ÷ the peer's "
+        "| processor time: TopoSeam's ÷ the peer's |",
         "|---|---|---:|---:|",
         *(f"| {job} | {peer} | {error or '–'} | {time:g} |" for job, peer, error, time in jobs),
     ]
@@ -80,6 +82,29 @@ def compared(text: str, photographs: str) -> list[tuple[str, str, float | None, 
         ("photographs, from files to the joined picture", "OpenCV's Stitcher", None, float(whole[1])),
         ("the same", "Hugin's command line", None, float(whole[2])),
     ]
+
+
+def rings(text: str) -> dict[str, list[tuple[float, float]]]:
+    """Of each engine: numbers of free pixels and ms, from the table of closed seams of docs/heat.md."""
+    table = text.partition("engines.py, rings -->")[2].partition("<!--")[0].strip().splitlines()
+    names = [cell.strip().removesuffix(", ms") for cell in table[0].strip("|").split("|")[1:-1]]
+    found: dict[str, list[tuple[float, float]]] = {name: [] for name in names}
+    for line in table[2:]:
+        pixels, *times = [float(cell.replace(",", "")) for cell in line.strip("|").split("|")[:-1]]
+        for name, ms in zip(names, times, strict=True):
+            found[name].append((pixels, ms))
+    return found
+
+
+def draw_rings(engines: dict[str, list[tuple[float, float]]], target: Path) -> None:
+    figure, axes = plt.subplots(figsize=(8, 3.6), layout="constrained")
+    for (name, points), style in zip(engines.items(), ("-o", "-s", "--s", "--D"), strict=True):
+        ours = name in ("heat", "kernel's flow")
+        axes.plot(*zip(*points, strict=True), style, color=OURS if ours else THEIRS, label=name, markersize=4)
+    axes.set(xscale="log", yscale="log", xlabel="free pixels of a closed seam", ylabel="processor time, ms")
+    axes.legend(frameon=False, fontsize=8)
+    axes.spines[["top", "right"]].set_visible(False)
+    figure.savefig(target, dpi=130)
 
 
 def draw_methods(methods: dict[str, tuple[float, float, float | None]], target: Path) -> None:

@@ -1,5 +1,6 @@
-"""The main jobs on the sample pictures, and where to look: ``python samples/demo.py FOLDER`` (``make demo``
-runs it).
+"""The main jobs on the sample pictures, and a page of what they made.
+
+``python samples/demo.py FOLDER``; ``make demo`` runs it.
 """
 
 from __future__ import annotations
@@ -39,15 +40,21 @@ STEPS = (
     ),
 )
 
-LOOK = """\
-  joined.png             the two pictures as one; try to find the seam, then open
-  joined_seam.png        where it runs
-  how_heat_found_it.gif  watch the heat gather on it, iteration by iteration
-  seam.svg               the seam as a path: bend it in GIMP or Inkscape and give it back with --use-seam
-  coffee.png             three pictures aligned, matched in tone, blended; coffee_seams.png: where they meet
-  sky.png, sky_seam.png  a seam round a corner
-  wall.png               a texture without border, and wall_cobbles_normal.png, cut alike
-  pattern.png            a pattern, three by three; every seed is another one"""
+#: The pictures to look at, and what they are.
+LOOK = {
+    "joined.png": "the two pictures as one; try to find the seam, then open",
+    "joined_seam.png": "where it runs",
+    "how_heat_found_it.gif": "watch the heat gather on it, iteration by iteration",
+    "coffee.png": "three pictures aligned, matched in tone, blended",
+    "coffee_seams.png": "where they meet",
+    "sky.png": "a corner that another picture filled",
+    "sky_seam.png": "its seam, round the corner",
+    "wall.png": "a texture that repeats",
+    "wall_cobbles_normal.png": "its normal map, cut alike",
+    "pattern.png": "a pattern, three by three; every seed is another one",
+}
+STYLE = "body{font:16px sans-serif;max-width:60em;margin:2em auto}img{max-width:100%}figure{margin:2em 0}"
+PATH = "seam.svg is the first seam as a path: bend it in GIMP or Inkscape, and give it back with --use-seam"
 
 
 def main(folder: Path) -> int:
@@ -60,7 +67,13 @@ def main(folder: Path) -> int:
         if done.returncode:
             return done.returncode
         print(flush=True)
-    print(f"Look into {folder.resolve()}\n{LOOK}")
+    shown = "".join(
+        f'<figure><img src="{name}" alt="{words}"><figcaption>{name}: {words}</figcaption></figure>\n'
+        for name, words in LOOK.items()
+    )
+    head = f'<!doctype html><meta charset="utf-8"><title>TopoSeam</title><style>{STYLE}</style>\n'
+    (folder / "index.html").write_text(f"{head}{shown}<p>{PATH}</p>\n", encoding="utf-8")
+    print(f"All pictures on one page: {(folder / 'index.html').resolve().as_uri()}")
     return 0
 
 

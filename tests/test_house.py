@@ -54,7 +54,7 @@ ARROWS = {
     "toposeam.display": BASE,
     "toposeam.picture_files": BASE | {"toposeam.display", "toposeam.saving"},
     "toposeam._kernels": set(),
-    "toposeam.heat": {"toposeam.arrays", "toposeam.errors", "toposeam.checks"},
+    "toposeam.heat": {"toposeam._kernels", "toposeam.arrays", "toposeam.errors", "toposeam.checks"},
     "toposeam.optimize": {"toposeam.arrays", "toposeam.errors", "toposeam.checks"},
     "toposeam.vector": {
         "toposeam.arrays",
@@ -112,7 +112,8 @@ ARROWS = {
         "toposeam_cli.files",
         "toposeam_cli.media",
     },
-    "toposeam_engine": BELOW | {"toposeam", "toposeam.layers", "toposeam.texture", "toposeam.motif"},
+    "toposeam_engine": BELOW
+    | {"toposeam", "toposeam.layers", "toposeam.texture", "toposeam.motif", "toposeam.volume"},
     "toposeam_gimp": set(),
 }
 #: Whatever the front ends have in common is below the commands; they may use all of it, and not each other.

@@ -277,6 +277,14 @@ def test_public_ci_is_valid_and_asks_for_what_there_is():
     assert extras <= set(project["optional-dependencies"])
 
 
+def test_workflows_name_their_actions_by_commit_and_version():
+    for path in HERE.glob(".github/workflows/*.yml"):
+        used = re.findall(r"\buses: (.*)", path.read_text(encoding="utf-8"))
+        assert used, path.name
+        for one in used:
+            assert re.fullmatch(r"[\w-]+/[\w-]+@[0-9a-f]{40} # v\d+\.\d+\.\d+", one), (path.name, one)
+
+
 def test_a_release_hands_out_all_there_is():
     yaml = pytest.importorskip("yaml")
     workflow = yaml.safe_load((HERE / ".github/workflows/release.yml").read_text(encoding="utf-8"))

@@ -10,9 +10,9 @@ The verbs; commands of ``toposeam`` with the same names do the same to files:
 
 Arrays and PIL pictures go in; results are pictures themselves (``np.asarray(result)``, ``to_pil(result)``)
 with masks, seams and settings. More is in the rooms `layers`, `seam`, `texture`, `motif`, `volume`, `path`,
-`solid`, `vector`, `optimize` and `typing`. Type checkers know no room that is called, such as `motif`; they
-want the same functions as `generate_motif`, `join_volumes` and `plan_path`. `make_tileable` and `synthesize`
-are former names of `tile` and `synth`.
+`solid`, `vector`, `optimize` and `typing`; three of them are verbs as well. In annotations, import a class
+from its room: ``from toposeam.motif import Recipe``. Former names stay for a version: `make_tileable`,
+`synthesize`, `generate_motif`, `join_volumes` and `plan_path`.
 """
 
 import lazy_loader

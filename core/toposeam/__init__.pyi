@@ -1,4 +1,8 @@
-from . import layers, motif, optimize, path, seam, solid, texture, typing, vector, volume
+import typing as _typing
+
+import toposeam.verbs as _verbs
+
+from . import layers, optimize, seam, solid, texture, typing, vector
 from .display import to_pil
 from .errors import (
     ImageError,
@@ -24,6 +28,13 @@ from .texture.tile import make_tileable, tile
 from .volume.clip.loop import loop
 from .volume.find import find_surface
 from .volume.join import join_volumes
+
+if not _typing.TYPE_CHECKING:  # rooms that are called: type checkers know no module that is
+    from . import motif, path, volume
+
+motif: _verbs.MotifVerb
+path: _verbs.PathVerb
+volume: _verbs.VolumeVerb
 
 __version__: str
 

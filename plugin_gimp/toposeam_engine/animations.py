@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 import toposeam as ts
 from toposeam_engine.job import EngineJob
 from toposeam_engine.layers import colours_of, with_alpha
+
+if TYPE_CHECKING:
+    from toposeam.volume import Loop
 
 
 def loop(job: EngineJob) -> dict[str, Any]:
@@ -17,7 +20,7 @@ def loop(job: EngineJob) -> dict[str, Any]:
     return {"frames": [job.write(with_alpha(frame, None)) for frame in made.frames], "start": made.start}
 
 
-def looped(job: EngineJob) -> ts.volume.Loop:
+def looped(job: EngineJob) -> Loop:
     """Compute the loop of a request."""
     frames = []
     for raster in job.request["layers"]:

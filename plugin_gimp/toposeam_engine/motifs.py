@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +12,9 @@ from toposeam.colours import to_hex
 from toposeam.motif.ink.printing import MAX_PATTERN
 from toposeam.motif.symmetry.tiling import tile
 from toposeam_engine.job import EngineJob
+
+if TYPE_CHECKING:
+    from toposeam.motif import Motif
 
 
 def motif(job: EngineJob) -> dict[str, Any]:
@@ -25,7 +28,7 @@ def motif(job: EngineJob) -> dict[str, Any]:
     }
 
 
-def generated(job: EngineJob) -> ts.motif.Motif:
+def generated(job: EngineJob) -> Motif:
     """Compute the motif of a request."""
     options = job.options
     size = options.pop("size")
@@ -44,7 +47,7 @@ def generated(job: EngineJob) -> ts.motif.Motif:
         del options["base_strength"]
     else:
         options["base"] = np.array(job.read(job.request["layer"]))
-    return ts.generate_motif(size, progress=job.progress, **options)
+    return ts.motif(size, progress=job.progress, **options)
 
 
 def repeat(job: EngineJob) -> dict[str, Any]:

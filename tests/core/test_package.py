@@ -202,16 +202,65 @@ def test_help_begins_with_the_verbs_and_their_commands():
 def test_former_names_stay_for_a_version():
     assert ts.make_tileable is ts.tile
     assert ts.synthesize is ts.synth
+    former = {"generate_motif": ts.motif, "join_volumes": ts.volume, "plan_path": ts.path}
+    for name, verb in former.items():
+        assert inspect.signature(getattr(ts, name)) == inspect.signature(verb)
 
 
-@pytest.mark.parametrize(
-    ("room", "function"), [("motif", "generate_motif"), ("volume", "join_volumes"), ("path", "plan_path")]
-)
-def test_a_room_is_called_as_its_command_is(room, function):
-    assert inspect.signature(getattr(ts, room)) == inspect.signature(getattr(ts, function))
+@pytest.mark.parametrize("room", ["motif", "volume", "path"])
+def test_a_room_is_called_as_its_command_is(room):
     assert isinstance(getattr(ts, room), ModuleType)
     called = f"import toposeam.{room}; toposeam.{room}()"
-    assert f"{function}() missing" in in_a_fresh_process(f"try:\n {called}\nexcept TypeError as e: print(e)")
+    assert f"{room}() missing" in in_a_fresh_process(f"try:\n {called}\nexcept TypeError as e: print(e)")
+    assert "Parameters\n" in getattr(ts, room).__doc__
+
+
+@pytest.mark.parametrize("room", ["motif", "volume", "path"])
+def test_type_checkers_know_all_of_a_called_room(room):
+    tree = ast.parse((CORE / "verbs.pyi").read_text())
+    known = next(
+        node.body
+        for node in tree.body
+        if isinstance(node, ast.ClassDef) and node.name == f"{room.capitalize()}Verb"
+    )
+    names = {alias.name for node in known if isinstance(node, ast.ImportFrom) for alias in node.names}
+    names |= {node.targets[0].id for node in known if isinstance(node, ast.Assign)}
+    assert names == {*getattr(ts, room).__all__, "__call__"}
+
+
+USER = """
+import numpy as np
+import toposeam as ts
+from toposeam.motif import Motif, Recipe
+from toposeam.volume import JoinedVolume
+
+drop: Motif = ts.motif(64, repeat="p4m", seed=3)
+sheet = ts.repeat(drop, (2, 3))
+length: float = ts.path((16, 24), (2, 8), (21, 8)).length
+slices = np.zeros((4, 8, 8), np.uint8)
+joined: JoinedVolume = ts.volume(slices, slices, offset=(2, 0, 0))
+recipe: Recipe = ts.motif.random_recipe(32, seed=1)
+again: Motif = ts.motif(ts.motif.vary(recipe))
+"""
+WRONG = """
+ts.motif("64")
+ts.motif(64, repaet="p4m")
+ts.path((16, 24), (2, 8))
+ts.motif.random_recipes(3)
+"""
+
+
+@pytest.mark.slow
+def test_mypy_accepts_rooms_that_are_called(tmp_path):
+    api = pytest.importorskip("mypy.api")
+    script = tmp_path / "user.py"
+    script.write_text(USER + WRONG)
+    options = ["--strict", "--config-file=", "--no-incremental", "--follow-untyped-imports"]
+    said, failed, _ = api.run([*options, str(script)])
+    assert not failed
+    lines = [int(line.split(":")[1]) for line in said.splitlines() if "error:" in line]
+    first = USER.count("\n") + 2
+    assert lines == [first, first + 1, first + 2, first + 3], said
 
 
 def test_what_a_called_room_makes():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
@@ -20,6 +20,9 @@ from toposeam_cli.files.writing import check_output
 from toposeam_cli.motifs.print_options import PrintOptions, check_print, print_options, write_print
 from toposeam_cli.motifs.printing import SUFFIXES, ink_names
 from toposeam_cli.motifs.recipe_files import read_recipe
+
+if TYPE_CHECKING:
+    from toposeam.motif import Recipe
 
 
 @click.command(
@@ -178,7 +181,7 @@ def join(
         )
 
 
-def _alike(recipes: list[ts.motif.Recipe], files: tuple[Path, ...]) -> list[ts.motif.Recipe]:
+def _alike(recipes: list[Recipe], files: tuple[Path, ...]) -> list[Recipe]:
     """Return recipes with the first one's values but their own sources, sinks, masses and strokes."""
     first, rule = recipes[0], _rule(recipes)
     found = []
@@ -210,7 +213,7 @@ def _alike(recipes: list[ts.motif.Recipe], files: tuple[Path, ...]) -> list[ts.m
     return found
 
 
-def _rule(recipes: list[ts.motif.Recipe]) -> str:
+def _rule(recipes: list[Recipe]) -> str:
     """Return the rule by which joined motifs lie: their common one where cells stay as they are by it."""
     rules = {recipe.repeat for recipe in recipes}
     return rules.pop() if rules <= {recipes[0].repeat} & set(JOINABLE) else "translate"

@@ -6,7 +6,7 @@ import json
 import re
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
@@ -31,6 +31,9 @@ from toposeam_cli.media.clips.sound import looped_sound
 from toposeam_cli.media.clips.writing import ANIMATED, VIDEOS, check_clip_output, folder_for, write_clip
 from toposeam_cli.media.pictures.masks import read_white
 from toposeam_cli.media.pictures.picture import MAX_PIXELS
+
+if TYPE_CHECKING:
+    from toposeam.volume import Loop
 
 #: Most pixels of a clip that is read part by part.
 _MOST_PIXELS = 100_000_000_000
@@ -207,7 +210,7 @@ def loop(clip: Path, output: Path, **given: Any) -> None:
         say(f"{output}: {counted(count, 'frame')} ({seconds:.2f} s), {jumps}; {made.verdict}{_offer(made)}")
 
 
-def _summary(output: Path, made: ts.volume.Loop, rate: Fraction) -> dict[str, Any]:
+def _summary(output: Path, made: Loop, rate: Fraction) -> dict[str, Any]:
     """Return the summary of a loop for JSON."""
     return {
         "output": str(output),
@@ -221,7 +224,7 @@ def _summary(output: Path, made: ts.volume.Loop, rate: Fraction) -> dict[str, An
     }
 
 
-def _steadied(clip: Path, made: ts.volume.Loop) -> str:
+def _steadied(clip: Path, made: Loop) -> str:
     """Say what was taken out of a clip."""
     if made.steadied is None:
         return f"the camera stands still in {clip}; nothing is stabilised"
@@ -233,7 +236,7 @@ def _steadied(clip: Path, made: ts.volume.Loop) -> str:
     )
 
 
-def _offer(made: ts.volume.Loop) -> str:
+def _offer(made: Loop) -> str:
     """Offer a longer loop that costs a little more."""
     if made.longer is None:
         return ""
@@ -260,7 +263,7 @@ def _options(clip: Clip, given: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _write_mesh(made: ts.volume.Loop, path: Path, suffix: str) -> None:
+def _write_mesh(made: Loop, path: Path, suffix: str) -> None:
     mesh = made.surfaces[0].mesh()
     if made.side > 1:  # squares of pixels become pixels
         middle = np.array([0, (made.side - 1) / 2, (made.side - 1) / 2], np.float32)

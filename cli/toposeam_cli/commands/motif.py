@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
@@ -46,6 +46,9 @@ from toposeam_cli.motifs.recipe_files import (
     to_toml,
 )
 from toposeam_cli.motifs.themes import read_colours, read_theme
+
+if TYPE_CHECKING:
+    from toposeam.motif import Motif, Recipe
 
 #: Options that may change a given recipe: fields of `Recipe`, then fields of each of its layers.
 _OF_RECIPE = (
@@ -208,7 +211,7 @@ def motif(
         check_output(path, force, SUFFIXES)
         check_print(path, ink_names(recipe), ink, force)
     with share_bar(f"inventing {output.name}", quiet) as bar, _allowing_more():
-        made = ts.generate_motif(recipe, max_megapixels=max_megapixels, progress=bar)
+        made = ts.motif(recipe, max_megapixels=max_megapixels, progress=bar)
     extent = _write(output, made, paper, ink, others, wanted.paper is not None, force)
     if not quiet:
         unseen = unseen_inks(recipe)
@@ -238,7 +241,7 @@ def _list(palettes: bool, styles: bool) -> None:
 
 def _write(
     output: Path,
-    made: ts.motif.Motif,
+    made: Motif,
     paper: Print,
     ink: PrintOptions,
     others: Mapping[Path, Palette],
@@ -344,7 +347,7 @@ def _explore(
         say(f"{output}: {len(recipes)} motifs; open it, and click those to keep")
 
 
-def _begun(beginning: Beginning) -> tuple[ts.motif.Recipe | None, dict[str, Any], dict[str, Any]]:
+def _begun(beginning: Beginning) -> tuple[Recipe | None, dict[str, Any], dict[str, Any]]:
     """Return the recipe to begin with, the print settings of its motif, and the options of a file of
     parameters.
     """
@@ -369,8 +372,8 @@ def _begun(beginning: Beginning) -> tuple[ts.motif.Recipe | None, dict[str, Any]
 def _recipe(
     given: dict[str, Any],
     amount: float | None,
-    begun: tuple[ts.motif.Recipe | None, dict[str, Any], dict[str, Any]],
-) -> tuple[ts.motif.Recipe, dict[str, Any]]:
+    begun: tuple[Recipe | None, dict[str, Any], dict[str, Any]],
+) -> tuple[Recipe, dict[str, Any]]:
     """Return the varied recipe of the options and its base, and the print settings of that base."""
     whole, printed, options = begun
     given = {**options, **given}
@@ -450,7 +453,7 @@ def _with_strengths(places: list[Any]) -> list[Any]:
     return [_with_strengths(place) if isinstance(place, list) else place for place in places]
 
 
-def _changed(recipe: ts.motif.Recipe, given: dict[str, Any], amount: float | None) -> ts.motif.Recipe:
+def _changed(recipe: Recipe, given: dict[str, Any], amount: float | None) -> Recipe:
     """Return a whole recipe with the given options changed, then varied."""
     seed = given.pop("seed", None)
     palette, style = given.pop("palette", None), given.pop("style", None)

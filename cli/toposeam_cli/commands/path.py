@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 import numpy as np
@@ -14,6 +15,9 @@ from toposeam_cli.app.progress import say, share_bar
 from toposeam_cli.files.writing import atomic_write, check_output
 from toposeam_cli.media.pictures.colour import to_depth
 from toposeam_cli.media.pictures.picture import Picture, read_within, write_picture
+
+if TYPE_CHECKING:
+    from toposeam.path import PlannedPath
 
 #: Largest map, pixels: the heat is solved in each of 70 iterations.
 _MAX_PIXELS = 4_000_000
@@ -79,7 +83,7 @@ def path(
     brightness = _brightness(picture)
     cost = np.where(brightness > wall, steepest + (1 - steepest) * brightness, np.inf)
     with share_bar(f"leading heat over {ground.name}", quiet) as bar:
-        found = ts.plan_path(cost, sources, sinks, stopovers=via, progress=bar)
+        found = ts.path(cost, sources, sinks, stopovers=via, progress=bar)
     if output is not None and output.suffix.lower() == ".svg":
         atomic_write(output, found.to_svg(), force)
     elif output is not None:
@@ -100,7 +104,7 @@ def _brightness(picture: Picture) -> np.ndarray:
     return gray if picture.alpha is None else np.where(picture.covered(), gray, 0.0)
 
 
-def _drawn(brightness: np.ndarray, found: ts.path.PlannedPath) -> np.ndarray:
+def _drawn(brightness: np.ndarray, found: PlannedPath) -> np.ndarray:
     """Draw the ways on the map, in red on a white halo."""
     from PIL import Image, ImageDraw
 

@@ -118,7 +118,7 @@ def _inked(
     paper.check(recipe, output.suffix.lower() == ".svg")
     check_print(output, ink_names(recipe), ink, force)
     with share_bar(f"drawing {output.name}", quiet) as bar:
-        made = ts.generate_motif(recipe, progress=bar)
+        made = ts.motif(recipe, progress=bar)
     extent = write_print(output, made, lambda: sheet_coverage(made, paper), paper, ink, force)
     return f"{extent}, {describe(made, counts)}", recipe.repeat
 

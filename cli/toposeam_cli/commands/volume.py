@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
@@ -28,6 +28,9 @@ from toposeam_cli.files.writing import all_or_nothing, check_output, replacing
 from toposeam_cli.media.stacks.reading import MOST_VOXELS, read_stack
 from toposeam_cli.media.stacks.stack import Stack, common_spacing
 from toposeam_cli.media.stacks.writing import check_stack_output, write_stack
+
+if TYPE_CHECKING:
+    from toposeam.volume import JoinedVolume
 
 #: Largest overlap that is joined whole, voxels; larger ones are joined by blocks.
 _WHOLE = 20_000_000
@@ -193,7 +196,7 @@ def _joined(
     for place, (stack, offset) in enumerate(zip(stacks[1:], offsets[1:], strict=True), 1):
         context.params |= {"a": stacks[0].source, "b": stack.source}  # names for errors
         with share_bar(f"joining {stack.source.name}", given["quiet"]) as progress, _at_offset(offset):
-            made: ts.volume.JoinedVolume = ts.join_volumes(
+            made: JoinedVolume = ts.volume(
                 before,
                 stack.voxels if block else np.asarray(stack.voxels),
                 offset=[int(step) for step in np.array(offset) - origin],

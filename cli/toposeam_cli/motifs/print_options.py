@@ -6,7 +6,7 @@ import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
@@ -23,6 +23,9 @@ from toposeam_cli.files.writing import all_or_nothing, atomic_write, check_outpu
 from toposeam_cli.media.pictures.picture import write_picture
 from toposeam_cli.motifs.printing import DRAWINGS, Print, plate_path, printable, separation
 from toposeam_cli.motifs.recipe_files import read_recipe, to_xmp
+
+if TYPE_CHECKING:
+    from toposeam.motif import Recipe
 
 
 class RepeatType(click.Choice[str]):
@@ -188,7 +191,7 @@ def write_print(
     return f"{image.shape[1]} × {image.shape[0]} px"
 
 
-def renamed(recipe: ts.motif.Recipe, names: str | None, edges: str | None) -> ts.motif.Recipe:
+def renamed(recipe: Recipe, names: str | None, edges: str | None) -> Recipe:
     """Return a recipe whose inks have other names and edges: one for all, or one per ink, separated by
     commas.
     """

@@ -7,7 +7,7 @@ import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,6 +22,9 @@ from toposeam_cli.media.pictures.colour import to_depth
 from toposeam_cli.media.pictures.libvips import load_vips
 from toposeam_cli.media.pictures.picture import Picture
 from toposeam_cli.motifs.recipe_files import to_xmp
+
+if TYPE_CHECKING:
+    from toposeam.motif import Motif, Recipe
 
 #: An ink that lowers every channel of the paper by less than this is invisible on it; channels are in [0, 1].
 _FAINT = 0.12
@@ -54,7 +57,7 @@ class Print:
         """Resolution of the picture, px per inch; None if unknown."""
         return _DPI if self.dpi is None and self.width_mm is not None and self.pixels is None else self.dpi
 
-    def laid(self, recipe: ts.motif.Recipe) -> tuple[tuple[int, int], tuple[int, int]]:
+    def laid(self, recipe: Recipe) -> tuple[tuple[int, int], tuple[int, int]]:
         """Return the rows and columns of motifs on the sheet, and the rows and columns of px of one motif,
         which keeps its shape.
 
@@ -72,7 +75,7 @@ class Print:
         rows = self.counts[0] if self.pixels is None else math.ceil(self.pixels[1] / size[0])
         return (rows, self.counts[1]), size
 
-    def check(self, recipe: ts.motif.Recipe, drawn: bool) -> None:
+    def check(self, recipe: Recipe, drawn: bool) -> None:
         """Refuse sheets that are too large, before any work."""
         if drawn:
             check_counts(self.counts)
@@ -112,19 +115,19 @@ class Print:
         return kept
 
 
-def sheet_coverage(made: ts.motif.Motif, paper: Print) -> np.ndarray:
+def sheet_coverage(made: Motif, paper: Print) -> np.ndarray:
     """Return the share of each ink on a sheet of a motif, (n_L, H, W)."""
     counts, cell = paper.laid(made.recipe)
     layers = ts.motif.repeat_densities(made, counts, size=cell)
     return layers if paper.pixels is None else layers[:, : paper.pixels[1], : paper.pixels[0]]
 
 
-def ink_names(recipe: ts.motif.Recipe) -> tuple[str, ...]:
+def ink_names(recipe: Recipe) -> tuple[str, ...]:
     """Return the names of a motif's inks."""
     return tuple(layer.name or f"ink {number}" for number, layer in enumerate(recipe.layers, 1))
 
 
-def unseen_inks(recipe: ts.motif.Recipe) -> str | None:
+def unseen_inks(recipe: Recipe) -> str | None:
     """Return one sentence if inks are invisible on the paper, whose colour they multiply; None if all are
     visible.
     """
@@ -144,7 +147,7 @@ def unseen_inks(recipe: ts.motif.Recipe) -> str | None:
     )
 
 
-def describe(made: ts.motif.Motif, counts: tuple[int, int]) -> str:
+def describe(made: Motif, counts: tuple[int, int]) -> str:
     """Return one line about a motif for people."""
     many = "" if counts == (1, 1) else f"{counts[1]} × {counts[0]} motifs, "
     styles = style_words(made.recipe)
@@ -153,7 +156,7 @@ def describe(made: ts.motif.Motif, counts: tuple[int, int]) -> str:
     )
 
 
-def style_words(recipe: ts.motif.Recipe) -> str:
+def style_words(recipe: Recipe) -> str:
     """Return the styles of a motif's layers, each once."""
     return " and ".join(dict.fromkeys(layer.style for layer in recipe.layers))
 

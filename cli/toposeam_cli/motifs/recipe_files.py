@@ -14,7 +14,7 @@ import tomllib
 from collections.abc import Mapping
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import toposeam as ts
 from toposeam.errors import ImageError, OptionError
@@ -23,6 +23,9 @@ from toposeam_cli.files.regular import check_input
 from toposeam_cli.files.tables import read_table, read_text
 from toposeam_cli.media.pictures.decode import RECIPE_NAMESPACE
 from toposeam_cli.media.pictures.libvips import load_vips
+
+if TYPE_CHECKING:
+    from toposeam.motif import Recipe
 
 _RECIPE = f"{{{RECIPE_NAMESPACE}}}recipe"
 #: Largest page of motifs that is read, bytes: a page has at most 200 motifs.
@@ -64,7 +67,7 @@ def read_settings(path: Path, otherwise: str = "") -> dict[str, Any]:
     return settings
 
 
-def read_recipe(path: Path) -> ts.motif.Recipe:
+def read_recipe(path: Path) -> Recipe:
     """Return the recipe in a picture or a drawing; raises as :func:`read_settings`."""
     settings = read_settings(path)
     try:
@@ -123,7 +126,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     return table
 
 
-def to_toml(recipe: ts.motif.Recipe) -> str:
+def to_toml(recipe: Recipe) -> str:
     """Return a recipe as TOML, for people to edit."""
     record = recipe.to_dict()
     layers = record.pop("layers")
@@ -141,7 +144,7 @@ def _value(value: Any) -> str:
     return repr(value)
 
 
-def recipe_from_table(table: Mapping[str, Any], path: Path) -> ts.motif.Recipe | None:
+def recipe_from_table(table: Mapping[str, Any], path: Path) -> Recipe | None:
     """Return the whole recipe in a table of parameters, None if it holds options only."""
     if "layers" not in table or not isinstance(table["layers"], list):
         return None
@@ -155,7 +158,7 @@ def recipe_from_table(table: Mapping[str, Any], path: Path) -> ts.motif.Recipe |
     return ts.motif.Recipe.from_dict(table)
 
 
-def recipe_on_page(path: Path, number: int | None) -> ts.motif.Recipe:
+def recipe_on_page(path: Path, number: int | None) -> Recipe:
     """Return the recipe of a motif on an ``--explore`` page, by its number; a page of one motif needs none.
 
     Raises

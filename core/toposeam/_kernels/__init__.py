@@ -21,11 +21,13 @@ from numpy.ctypeslib import ndpointer
 library: Any = None
 
 _FOLDER = Path(__file__).parent
-_INT, _LONG, _DOUBLE = ctypes.c_int32, ctypes.c_int64, ctypes.c_double
+_INT, _LONG, _FLOAT, _DOUBLE = ctypes.c_int32, ctypes.c_int64, ctypes.c_float, ctypes.c_double
 _FLAGS, _INTS, _FLOATS, _DOUBLES, _PIXELS = map(partial(ndpointer, flags="C"), ("?", "i4", "f4", "f8", None))
 #: What each function takes, in the order of its declaration in C.
 _TAKES = {
     "smallest_hot_side": (_INT, _LONG, _INTS, _INTS, _INTS, _FLAGS),
+    "sweep_bricks": (_LONG, _INT, _INT, _INT, _FLOAT, *[ctypes.c_void_p] * 18),
+    "nearest_patches": (*[_INT] * 5, _FLOATS, _INTS, _FLOATS, _INTS, _INTS, _FLOATS),
     "between_knots": (_INT, _INT, _INT, _INT, _DOUBLES, _DOUBLES),
     "spline_values": (_INT, _INT, _INT, _FLOATS, _DOUBLES, _LONG, _DOUBLES, _FLOATS),
     "catmull_values": (_INT, _INT, _INT, _INT, _PIXELS, _LONG, _DOUBLES, _DOUBLE, _FLAGS, _PIXELS),

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from toposeam import _kernels
 from toposeam.arrays import Floats, Floats32, Indices, Mask
 from toposeam.heat.bricks import HIGH, LOW, Bricks, along
 
@@ -61,6 +62,7 @@ class Sweeps:
         self._step = max(1, _BLOCK_VOXELS // int(np.prod(self.side)))
         # All chunks share two arrays, which stay in the cache.
         self._scratch = np.empty((2, min(self._step, self.count), *self.side), np.float32)
+        self._addresses = self._in_memory()
 
     def chunks(self) -> Iterator[slice]:
         """Yield the bricks that are swept, as many at a time as fit into the cache."""
@@ -79,6 +81,29 @@ class Sweeps:
 
     def sweep(self) -> None:
         """Let the heat move on by one step."""
+        if self._addresses:
+            if _kernels.library.sweep_bricks(self.count, *self.side, HOT, *self._addresses):
+                raise MemoryError
+        else:
+            self._sweep_chunks()
+        if self.groups is not None:
+            self.groups.move(self.filled, self.at, self.ahead)
+
+    def _in_memory(self) -> list[int]:
+        """Return where the arrays begin, for the kernel, as they are changed in place; none without one."""
+        floats = [self.at, self.ahead, self.rate, *self.filled, *self.cost, *self.leaving]
+        indices = [*self.lower, *self.upper]
+        fit = all(
+            array.dtype == kind and array.flags.c_contiguous
+            for arrays, kind in ((floats, np.float32), (indices, np.int64))
+            for array in arrays
+        )
+        if _kernels.library is None or len(self.side) != 3 or not fit:
+            return []
+        return [array.ctypes.data for array in (*floats[:9], *indices, *floats[9:])]
+
+    def _sweep_chunks(self) -> None:
+        """Do what the kernel does, on some bricks at a time."""
         for here in self.chunks():
             surplus, flow = self._scratch[:, : here.stop - here.start]
             for axis, (filled, cost) in enumerate(zip(self.filled, self.cost, strict=True)):
@@ -95,8 +120,6 @@ class Sweeps:
             np.subtract(surplus, at, out=ahead)
             at[...] = surplus
             ahead += surplus
-        if self.groups is not None:
-            self.groups.move(self.filled, self.at, self.ahead)
 
     def awake(self) -> npt.NDArray[np.bool_]:
         """Return the bricks in which the last sweep moved something, and those next to it, (n,) bool."""

@@ -6,4 +6,4 @@ from toposeam import verbs
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
-verbs.called(__name__, "generate_motif")
+verbs.called(__name__, "generate", "motif")

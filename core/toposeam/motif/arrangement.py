@@ -165,8 +165,8 @@ def arrange(
 
     Examples
     --------
-    >>> from toposeam.motif.generate import generate_motif
-    >>> motifs = [generate_motif(16, seed=seed, repeat="p1", palette="sea", iterations=2) for seed in (1, 2)]
+    >>> import toposeam as ts
+    >>> motifs = [ts.motif(16, seed=seed, repeat="p1", palette="sea", iterations=2) for seed in (1, 2)]
     >>> arrange(motifs, [[0, 1, 1], [1, 0, 0]]).image().shape
     (32, 48, 3)
     """

@@ -76,14 +76,14 @@ _MOST_LAYERS = 1000
 MAX_MEGAPIXELS, _MOST_ROUNDS = 5.0, 100
 
 
-def generate_motif(
+def motif(
     source: int | tuple[int, int] | Recipe,
     *,
     max_megapixels: float = MAX_MEGAPIXELS,
     progress: Callable[[float], None] | None = None,
     **options: Unpack[RecipeKeywords],
 ) -> Motif:
-    """Generate a motif by heat conduction; ``ts.motif(…)`` calls it, too.
+    """Generate a motif by heat conduction.
 
     Parameters
     ----------
@@ -111,10 +111,11 @@ def generate_motif(
 
     Examples
     --------
-    >>> motif = generate_motif(32, repeat="p4m", seed=7, layers=1, iterations=4)
-    >>> motif
+    >>> import toposeam as ts
+    >>> drop = ts.motif(32, repeat="p4m", seed=7, layers=1, iterations=4)
+    >>> drop
     Motif(1 ink on 32 × 32 elements, repeat='p4m', seed=7)
-    >>> motif.image().shape
+    >>> drop.image().shape
     (32, 32, 3)
     """
     check_function("progress", progress)
@@ -160,7 +161,7 @@ def generate_motif(
 
 
 def check_work(recipe: Recipe, max_megapixels: float, depth: int = 1) -> None:
-    """Refuse a recipe that asks for too many elements or iterations; see :func:`generate_motif`.
+    """Refuse a recipe that asks for too many elements or iterations; see :func:`motif`.
 
     Raises
     ------
@@ -473,3 +474,7 @@ def _base_conductivity(packed: str, strength: float, law: str) -> npt.NDArray[np
     """Compute the nominal conductivities of a packed base image on its own grid."""
     brightness = unpack_base(packed)
     return nominal_conductivity(brightness, strength, (brightness.shape[0], brightness.shape[1]), law)
+
+
+#: The former name of :func:`motif`.
+generate_motif = motif

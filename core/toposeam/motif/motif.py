@@ -24,7 +24,7 @@ from toposeam.sentence import counted
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Motif(Inked):
-    """Result of :func:`generate_motif`.
+    """Result of :func:`toposeam.motif`.
 
     Examples
     --------

@@ -51,7 +51,7 @@ class PathKeywords(TypedDict, total=False):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PathOptions:
-    """Options of :func:`toposeam.plan_path`.
+    """Options of :func:`toposeam.path`.
 
     Examples
     --------

@@ -100,7 +100,7 @@ class PlannedPath:
         return self.to_svg()
 
 
-def plan_path(
+def path(
     ground: tuple[int, int] | npt.ArrayLike,
     sources: Point | Sequence[Point],
     sinks: Point | Sequence[Point],
@@ -111,8 +111,7 @@ def plan_path(
     progress: Callable[[float], None] | None = None,
     **given: Unpack[PathKeywords],
 ) -> PlannedPath:
-    """Plan ways from sources to sinks: optimise the material that conducts heat, and trace it;
-    ``ts.path(…)`` calls it, too.
+    """Plan ways from sources to sinks: optimise the material that conducts heat, and trace it.
 
     Parameters
     ----------
@@ -149,9 +148,12 @@ def plan_path(
 
     Examples
     --------
+    >>> import toposeam as ts
+    >>> import numpy as np
+    >>> import toposeam as ts
     >>> wall = np.zeros((20, 30), bool)
     >>> wall[5:, 14:16] = True
-    >>> plan_path((20, 30), (4, 15), (26, 15), obstacles=wall)
+    >>> ts.path((20, 30), (4, 15), (26, 15), obstacles=wall)
     PlannedPath(1 way of 31.4 px on 30 × 20, cost 31.42)
     """
     check_function("progress", progress)
@@ -228,7 +230,7 @@ def path_cost(path: Polyline, ground: npt.ArrayLike) -> float:
     ----------
     path : Polyline
     ground : (H, W) array_like
-        As in :func:`plan_path`.
+        As in :func:`path`.
 
     Returns
     -------
@@ -347,3 +349,7 @@ def _check_connected(cost: Floats, stops: list[list[tuple[int, int]]]) -> None:
                 x=point[1],
                 y=point[0],
             )
+
+
+#: The former name of :func:`path`.
+plan_path = path

@@ -141,7 +141,7 @@ def generate_solid(
     depth : int
         Height of the block, in cubes.
     max_megapixels : float
-        As for :func:`toposeam.generate_motif`, for cubes.
+        As for :func:`toposeam.motif`, for cubes.
     progress : callable, optional
         Called with the share done, in [0, 1].
 

@@ -1,4 +1,4 @@
-"""`join_volumes`: join two stacks, of which the second continues the first."""
+"""Join two stacks, of which the second continues the first."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ class JoinedVolume:
         return mesh_of(np.asarray(self.labels), self.settings["spacing"], smooth, start)
 
 
-def join_volumes(
+def volume(
     a: Any,
     b: Any,
     *,
@@ -117,8 +117,7 @@ def join_volumes(
     progress: Callable[[float], None] | None = None,
     **given: Unpack[SurfaceKeywords],
 ) -> JoinedVolume:
-    """Join two overlapping stacks along the surface that shows least, and cuts the fewest cells;
-    ``ts.volume(…)`` calls it, too.
+    """Join two overlapping stacks along the surface that shows least, and cuts the fewest cells.
 
     Parameters
     ----------
@@ -276,3 +275,7 @@ def _pair_of(cells: Any) -> list[Any]:
     if not isinstance(cells, list | tuple) or len(cells) != 2:
         raise kind_error("cells", type(cells).__name__, "True, False, or a pair of arrays, None for neither")
     return list(cells)
+
+
+#: The former name of :func:`volume`.
+join_volumes = volume

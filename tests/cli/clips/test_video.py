@@ -1,5 +1,7 @@
 """Videos read by slices: in any order, the frames are those of one pass."""
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 
@@ -40,3 +42,59 @@ def test_damage_further_on_is_told_in_a_sentence(video):
     video.write_bytes(video.read_bytes()[:400])
     with pytest.raises(ImageError, match="copy or convert it again"):
         frames[100:110]
+
+
+def _write_avi(path, times, options):
+    """Write 40 px frames, each as bright as its number says, at given times."""
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("mpeg4", rate=20, options=options)
+        stream.width, stream.height, stream.pix_fmt, stream.bit_rate = 48, 32, "yuv420p", 2_000_000
+        for number, time in enumerate(times):
+            gray = np.full((32, 48, 3), 40 + 4 * number, np.uint8)
+            frame = av.VideoFrame.from_ndarray(gray, format="rgb24")
+            frame.pts, frame.time_base = time, Fraction(1, 20)
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode())
+
+
+def _numbers(frames):
+    return np.rint((frames[:, 8:24, 8:40].mean(axis=(1, 2, 3)) - 40) / 4).astype(int).tolist()
+
+
+def test_frames_an_avi_leaves_out_are_shown_again(tmp_path):
+    path = tmp_path / "thin.avi"
+    _write_avi(path, [0, 4, 5, 9, 10, 11, 17, 19], {"g": "1"})
+    clip = open_clip(path, None, 10**9, 0)
+    assert clip.rate == 20
+    shown = [0, 0, 0, 0, 1, 2, 2, 2, 2, 3, 4, 5, 5, 5, 5, 5, 5, 6, 6, 7]
+    assert _numbers(clip.frames[:]) == shown
+
+
+class _Swapped:
+    """A container whose frames come as they are shown, with the times of neighbours exchanged."""
+
+    def __init__(self, container):
+        self._container, self.streams = container, container.streams
+        self.demux, self.seek = container.demux, container.seek
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self._container.close()
+
+    def decode(self, stream):
+        frames = self._container.decode(stream)
+        for one, other in zip(frames, frames, strict=True):
+            one.pts, other.pts = other.pts, one.pts
+            yield from (one, other)
+
+
+def test_frames_whose_times_are_out_of_order_are_found(tmp_path, monkeypatch):
+    path = tmp_path / "packed.avi"
+    _write_avi(path, range(40), {"g": "40"})
+    opened = av.open
+    monkeypatch.setattr(av, "open", lambda *given, **named: _Swapped(opened(*given, **named)))
+    clip = open_clip(path, None, 10**9, 0)
+    assert _numbers(clip.frames[:]) == list(range(40))
+    assert _numbers(clip.frames[20:30]) == list(range(20, 30))

@@ -181,7 +181,7 @@ def test_json_tells_what_was_found(folder, toposeam, method):
 
 
 def test_one_line_tells_a_person_what_was_made(folder, toposeam):
-    last = r"out\.png: 92 × 40 px: (not to be seen|look at \d+,\d+)\n"
+    last = r"out\.png: 92 × 40 px: (no visible seam|look at \d+,\d+)\n"
     ran = toposeam("stitch", *STRIP, "-o", "out.png")
     assert re.fullmatch(last, ran.out)
     assert ran.err == ""

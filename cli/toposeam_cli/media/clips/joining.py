@@ -53,7 +53,7 @@ def join_clips(job: ClipJob, progress: Callable[[float], None] | None = None) ->
         )
     t, x, y = job.offset
     try:
-        made = ts.join_volumes(
+        made = ts.volume(
             first.frames,
             second.frames,
             offset=(t, y, x),

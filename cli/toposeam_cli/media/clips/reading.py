@@ -191,6 +191,8 @@ def _open_video(path: Path, rate: Fraction | None, max_pixels: int, cut: Cut) ->
                 raise ImageError(f"{path} is coded in a way that FFmpeg does not know; convert it to H.264")
             unit, expected = stream.time_base or Fraction(1, 90_000), stream.frames
             last = 1 / stream.average_rate if stream.average_rate else Fraction(1, 25)
+            if rate is None and last == unit:  # AVI: a frame that is missing is the one before, shown again
+                rate = stream.average_rate
             size = cut.shape(stream.height, stream.width)
             check_pixels(str(path), max(cut.count(expected, stream.average_rate), 1), size, max_pixels)
             packets = [packet for packet in container.demux(stream) if packet.size]
@@ -204,7 +206,7 @@ def _open_video(path: Path, rate: Fraction | None, max_pixels: int, cut: Cut) ->
         raise unreadable(path, error) from error
     if not times:
         raise ImageError(f"{path} holds no frames; convert it again")
-    if len(packets) < 0.9 * expected:
+    if len(packets) < 0.9 * expected and times[-1] - times[0] + last / unit < 0.9 * expected * last / unit:
         raise ImageError(
             f"{path} is cut short: {len(packets)} of {expected} frames can be read; copy it again"
         )

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -80,7 +81,10 @@ def _read(path: Path, first: Fraction, last: Fraction) -> npt.NDArray[np.float32
             resampler = av.AudioResampler("fltp", "mono" if channels == 1 else "stereo", RATE)
             container.seek(max(0, int((first - 1) * av.time_base)))
             place: int | None = None
-            for frame in container.decode(stream):
+            for frame in _decoded(container, stream):
+                if frame is None:
+                    place = None
+                    continue
                 if place is None:
                     place = round((Fraction(frame.pts or 0) * (frame.time_base or 1) - first) * RATE)
                 for even in resampler.resample(frame):
@@ -96,3 +100,15 @@ def _read(path: Path, first: Fraction, last: Fraction) -> npt.NDArray[np.float32
     except (av.FFmpegError, OSError) as error:
         raise unreadable(path, error) from error
     return samples
+
+
+def _decoded(container: Any, stream: Any) -> Iterator[Any]:
+    """Decode sound; yield None for a damaged packet, as the first one of sound that was cut often is."""
+    import av
+
+    for packet in container.demux(stream):
+        try:
+            frames = packet.decode()
+        except av.InvalidDataError:
+            frames = [None]
+        yield from frames

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import heapq
+from collections import deque
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -22,6 +24,9 @@ _CONTAINERS = (
 OPENED = {"format_whitelist": _CONTAINERS, "protocol_whitelist": "file"}
 #: Frames that are rather decoded than leapt over.
 _NEAR = 60
+#: Frames by which times may be out of order: frames are decoded as they are shown, but in AVI files with
+#: frames that refer to later ones (MPEG-4 ASP) FFmpeg guesses their times.
+_DISORDER = 4
 
 _Frame = npt.NDArray[np.uint8]
 
@@ -111,8 +116,15 @@ class VideoFrames:
                 stream.thread_type = "AUTO"
                 if time > self._times[0]:
                     container.seek(time, stream=stream)
+                frames: deque[Any] = deque()
+                times: list[int] = []
                 for frame in container.decode(stream):
-                    yield frame.pts or 0, frame
+                    frames.append(frame)
+                    heapq.heappush(times, frame.pts or 0)
+                    if len(frames) > _DISORDER:
+                        yield heapq.heappop(times), frames.popleft()
+                while frames:
+                    yield heapq.heappop(times), frames.popleft()
         except (av.FFmpegError, OSError) as error:
             raise unreadable(self._path, error) from error
 

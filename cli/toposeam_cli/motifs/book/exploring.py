@@ -7,6 +7,7 @@ import json
 from collections.abc import Callable, Sequence
 from html import escape
 from importlib.resources import files
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,12 +19,15 @@ from toposeam_cli.media.pictures.libvips import to_vips
 from toposeam_cli.motifs.printing import style_words
 from toposeam_cli.motifs.recipe_files import to_toml
 
+if TYPE_CHECKING:
+    from toposeam.motif import Motif, Recipe
+
 #: Width of a motif's pattern on the page, px.
 _SHOWN_PX = 360
 
 
 def explore_page(
-    recipes: Sequence[ts.motif.Recipe],
+    recipes: Sequence[Recipe],
     columns: int,
     max_megapixels: float,
     progress: Callable[[float], None] | None,
@@ -35,13 +39,13 @@ def explore_page(
     recipes : sequence of Recipe
     columns : int
     max_megapixels : float
-        Of each; see :func:`toposeam.generate_motif`.
+        Of each; see :func:`toposeam.motif`.
     progress : callable or None
         Called with the share done.
     """
     cards = []
     for number, recipe in enumerate(recipes, 1):
-        made = ts.generate_motif(recipe, max_megapixels=max_megapixels)
+        made = ts.motif(recipe, max_megapixels=max_megapixels)
         picture = to_depth(_swatch(made), np.dtype(np.uint8))
         data = base64.b64encode(to_vips(picture).pngsave_buffer(compression=9)).decode("ascii")
         inks = counted(len(recipe.layers), "ink")
@@ -61,7 +65,7 @@ def explore_page(
     )
 
 
-def _swatch(made: ts.motif.Motif) -> np.ndarray:
+def _swatch(made: Motif) -> np.ndarray:
     rows, columns = made.densities.shape[1:]
     counts = tuple(max(2, many) for many in period(made.repeat))
     across = _SHOWN_PX // counts[1]

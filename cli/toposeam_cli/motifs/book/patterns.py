@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import functools
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,6 +23,9 @@ from toposeam_cli.motifs.printing import Print, per_mm, printable, sheet_coverag
 from toposeam_cli.motifs.products import draw_product, pattern_px
 from toposeam_cli.motifs.recipe_files import read_recipe
 from toposeam_cli.motifs.themes import read_theme
+
+if TYPE_CHECKING:
+    from toposeam.motif import Motif
 
 #: Motifs across and down of a swatch, so that it repeats by translation for every rule.
 _SWATCH = 2
@@ -64,7 +67,7 @@ def draw_pattern(
     translation. Return its measurements.
     """
     recipe = book_recipe(_theme(theme), seed, number, size)
-    made = ts.generate_motif(recipe)
+    made = ts.motif(recipe)
     paper = Print(width_mm=width_mm, dpi=dpi)
     image = mix(sheet_coverage(made, paper), made.inks, made.paper, made.inking)
     settings = {**paper.note(), "recipe": recipe.to_dict()}
@@ -127,9 +130,9 @@ def shown_at(drawn: np.ndarray, dpi: float | None) -> Picture:
 
 def _sharp(
     motif: str, across: int, inks: int | None = None, edge: str | None = None
-) -> tuple[ts.motif.Motif, np.ndarray]:
+) -> tuple[Motif, np.ndarray]:
     """Return a motif and the piece of its pattern that repeats by translation, motifs `across` px wide."""
-    made = ts.generate_motif(ts.motif.simplify(read_recipe(Path(motif)), inks=inks, edge=edge))
+    made = ts.motif(ts.motif.simplify(read_recipe(Path(motif)), inks=inks, edge=edge))
     height, width = made.densities.shape[1:]
     size = (max(1, round(across * height / width)), across)
     return made, to_depth(ts.repeat(made, period(made.repeat), size=size), np.dtype(np.uint8))

@@ -21,7 +21,7 @@ from toposeam.seam.result.seam import Seam
 
 #: Pixels of a reduced picture.
 _PIXELS = 250_000
-#: Least likeness of the worst part of a seam that is not to be seen at full size: reduction hides most of it.
+#: Least likeness of the worst part of a seam that is invisible at full size: reduction hides most of it.
 _UNSEEN_REDUCED = 0.65
 #: How far the blend of photographs reaches, px.
 _REACH = 32.0

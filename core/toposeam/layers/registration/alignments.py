@@ -37,7 +37,7 @@ def cheapest(
     ----------
     pictures : two of Layer
     placement : Placement
-        The one that residuals prefer. It is kept where its seam is not to be seen, and the others are not
+        The one that residuals prefer. It is kept where its seam is invisible, and the others are not
         computed then.
     others : iterator of Placement
     planes : sequence of Match

@@ -297,7 +297,7 @@ def match_homography(a: FeatureSet, b: FeatureSet, shared: Indices) -> Match | N
     if not homography.verified:
         if not together_verified(first, find_planes(first, second, sizes, tolerance)):
             return None
-    elif not _agrees(a, b, shared, sizes, shown, homography.inliers):
+    elif not _agrees(a, b, shared, homography.matrix, shown, homography.inliers):
         return None
     return _match_of(a, b, shared, homography, shown)
 
@@ -349,7 +349,7 @@ def _match_similarity(a: FeatureSet, b: FeatureSet, shared: Indices) -> Match | 
         return None
     matrix = np.asarray(model.params, float)
     sizes = a.size, b.size
-    if not _agrees(a, b, shared, sizes, _shown(a, b, sizes, matrix), inliers):
+    if not _agrees(a, b, shared, matrix, _shown(a, b, sizes, matrix), inliers):
         return None
     match = None
     for _ in range(2):  # patches laid about where they belong, and then exactly
@@ -376,7 +376,7 @@ def _agrees(
     a: FeatureSet,
     b: FeatureSet,
     shared: Indices,
-    sizes: tuple[_Size, _Size],
+    matrix: Floats,
     shown: _Shown,
     inliers: Mask,
 ) -> bool:
@@ -385,15 +385,16 @@ def _agrees(
     Unrelated pictures share a frame, a menu with its tool bar, a logo or a caption. These lie at the same
     place in both, while pictures of one scene that a camera took one after another are moved. In most cells
     of the overlap that show features pictures of one scene have some match that lies about where the others
-    put it, even where several planes do not fit one homography; and in the middle, too.
+    put it, even where several planes do not fit one homography; and, if they lie at the same place, in the
+    middle of the overlap, too, which is the middle of a strip that was cut from a picture's side.
 
     Parameters
     ----------
     a, b : FeatureSet
     shared : (M, 2) int array
         Numbers of the features that match.
-    sizes : two of (int, int)
-        Width and height of the pictures.
+    matrix : (3, 3) float array
+        Takes points of `b` to where they are in `a`, px.
     shown : three (K, 2) float arrays
         Features of each in the overlap, and where all of `b` lie (:func:`_shown`).
     inliers : (M,) bool array
@@ -401,16 +402,29 @@ def _agrees(
     """
     first, second = a.keypoints[shared[:, 0]], b.keypoints[shared[:, 1]]
     apart = np.linalg.norm(shown[2][shared[:, 1]] - first, axis=1)
-    near = apart < 4 * ELSEWHERE * np.hypot(*sizes[0])
-    busy = np.max([_counted(points, sizes[0]) for points in shown[:2]], axis=0) >= _LEAST_FEATURES
-    agreeing = busy & (_counted(first[near], sizes[0]) > 0)
+    near = apart < 4 * ELSEWHERE * np.hypot(*a.size)
+    fixed = np.mean(_at_one_place(first[inliers], second[inliers], (a.size, b.size))) > 0.5
+    whole = _agreement(shown[:2], first[near], a.size)
     least_fixed, least = _LEAST_AGREEING
-    if np.mean(_at_one_place(first[inliers], second[inliers], sizes)) <= 0.5:
-        return bool(agreeing.sum() >= least * busy.sum())
-    middle = np.zeros((GRID, GRID), bool)
-    middle[GRID // 4 : -GRID // 4, GRID // 4 : -GRID // 4] = True
-    whole = agreeing.sum() >= least_fixed * busy.sum()
-    return bool(whole and agreeing[middle.ravel()].sum() > least * busy[middle.ravel()].sum())
+    if not fixed:
+        return whole >= least
+    reached = reach(PlaneTransform(matrix), b.size)
+    if reached is None or whole < least_fixed:
+        return False
+    low, high = np.clip(reached, (0, 0), a.size)
+    middle = [
+        points[(np.abs(points - (low + high) / 2) <= (high - low) / 4).all(axis=1)]
+        for points in (*shown[:2], first[near])
+    ]
+    return _agreement(middle[:2], middle[2], a.size) > least
+
+
+def _agreement(shown: Sequence[Floats], agreeing: Floats, size: _Size) -> float:
+    """Return the share of the cells in which one of two pictures shows enough features that have a match that
+    agrees; of no cells 0.
+    """
+    busy = np.max([_counted(points, size) for points in shown], axis=0) >= _LEAST_FEATURES
+    return float((busy & (_counted(agreeing, size) > 0)).sum() / max(busy.sum(), 1))
 
 
 def at_one_place(a: FeatureSet, b: FeatureSet, shared: Indices) -> Mask:

@@ -1,6 +1,6 @@
 """A motif that grows while one looks: all layers at once, step by step, from coarse to fine.
 
-:func:`~toposeam.motif.generate.generate_motif` optimises one layer after another and repairs the result. Here
+:func:`~toposeam.motif.generate.motif` optimises one layer after another and repairs the result. Here
 every step moves all layers by one iteration, so that there is something to see after the first; most
 iterations run on small plates, whatever the filter, and what is shown already is a start. The result is like
 that of the recipe, not equal to it.
@@ -10,12 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.ndimage import map_coordinates
 
 from toposeam.arrays import Floats
-from toposeam.checks import check_kind, check_range, check_whole
+from toposeam.checks import check_items, check_kind, check_numbers, check_range, check_whole
+from toposeam.errors import OptionError, Term
 from toposeam.heat.threads import one_thread
 from toposeam.motif.ink.sampling import resample
 from toposeam.motif.optimise.conduction import MIN_DENSITY, LayerProblem
@@ -31,6 +33,7 @@ from toposeam.motif.symmetry.rules import HEXAGONAL, joint
 
 #: Most iterations on three plates from coarse to fine: from nothing, and from densities that are shown.
 _COUNTS, _WARM_COUNTS = (14, 10, 6), (0, 8, 5)
+_DENSITIES = "a sequence of (h, w) arrays in [0, 1]"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -98,7 +101,24 @@ def grow(
     check_kind("recipe", recipe, Recipe, "a Recipe")
     check_range(0, 1, kept=kept)
     check_whole("most", most, 1)
-    return _grown(recipe, _plates(recipe, most), [] if start is None else list(start), kept)
+    given = (
+        [] if start is None else [_checked(one) for one in check_items("start", start, object, _DENSITIES)]
+    )
+    return _grown(recipe, _plates(recipe, most), given, kept)
+
+
+def _checked(density: Any) -> Floats:
+    """Return a density of a start as an array."""
+    values = check_numbers("start", density)
+    if values.ndim != 2 or not values.size or not ((values >= 0) & (values <= 1)).all():
+        raise OptionError(
+            "{parameter} holds an array of shape {shape}; pass {allowed}",
+            kind="shape",
+            parameter=Term("start"),
+            shape=values.shape,
+            allowed=_DENSITIES,
+        )
+    return values
 
 
 def _grown(

@@ -43,7 +43,7 @@ def seam_verdict(
     >>> import numpy as np, toposeam as ts
     >>> a = np.random.default_rng(0).random((20, 16))
     >>> str(ts.seam.seam_verdict(ts.find_seam(a, a, gradient=True), a, a))
-    'not to be seen'
+    'no visible seam'
     """
     check_kind("seam", seam, Seam, "a Seam")
     a, b = as_array(a, "a"), as_array(b, "b")

@@ -41,14 +41,14 @@ SQUARE_PX = 16
 HALF_COST = 18.0
 #: Share of a seam's interfaces that are its worst part.
 _WORST_SHARE = 0.1
-#: Distance at which a square counts as near, px: half its diagonal more than the side of one.
+#: Distance at which a square counts as near, px: one and a half of them.
 _NEAR_PX = 24
 #: Likeness at which something is cut: beside seams that pass what does not meet, up to 6.4 px apart, nothing
 #: was to be seen at 0.25.
 _CUT = 0.2
 #: Least distance of places that are listed, px: about what is seen at once in a window at 100 %.
 _APART_PX = 100
-#: Least likeness of the worst part of a seam that counts as not to be seen.
+#: Least likeness of the worst part of a seam that counts as invisible.
 UNSEEN = 0.5
 #: Bands beside a seam: from and to which distance, px; the side of the pieces of the seam, px; T, ΔE.
 _BANDS = (2, 8, 32, 0.75), (8, 24, 32, 1.25), (32, 64, 64, 1.8)
@@ -72,7 +72,7 @@ class Verdict:
     Examples
     --------
     >>> str(Verdict(mean=0.97, worst=0.91, where=(12, 40))), str(Verdict(mean=0.8, worst=0.2, where=(12, 40)))
-    ('not to be seen', 'look at 12,40')
+    ('no visible seam', 'look at 12,40')
     """
 
     #: Mean likeness of all interfaces, in [0, 1]; 1 where no seam is.
@@ -150,7 +150,7 @@ class Verdict:
 
     def __str__(self) -> str:
         if self.unseen or self.where is None:
-            return "not to be seen"
+            return "no visible seam"
         return f"look at {self.where[0]},{self.where[1]}"
 
     def summary(self) -> dict[str, Any]:

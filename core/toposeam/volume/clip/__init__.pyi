@@ -1,4 +1,6 @@
+from .coherence import strangeness
 from .period import Jump
+from .permanence import missing
 from .result import Loop
 from .steady import moved, steadied
 from .verdict import LoopVerdict
@@ -9,6 +11,8 @@ __all__ = [
     "Loop",
     "LoopVerdict",
     "closed_walk",
+    "missing",
     "moved",
     "steadied",
+    "strangeness",
 ]

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
+from toposeam import _kernels
 from toposeam.arrays import Floats32
 
 #: Side of a patch, and how far from its place likenesses are looked for, in reduced px.
@@ -24,9 +25,9 @@ _PATCH, _REACH = 5, 1
 _APART = 3
 #: Number of moments, about, among which likenesses are looked for; and for which the clip's own distances are
 #: found, over the clip and in each stretch.
-_MOMENTS, _OWN = 40, (8, 4)
+MOMENTS, _OWN = 40, (8, 4)
 #: Quantile of the clip's own distances that is usual; and a distance, as a share of white, that nobody sees.
-_USUAL, _UNSEEN = 0.75, 0.02
+_USUAL, UNSEEN = 0.75, 0.02
 
 
 def strangeness(made: Floats32, clip: Floats32, leaves: int, enters: int) -> Floats32:
@@ -47,7 +48,7 @@ def strangeness(made: Floats32, clip: Floats32, leaves: int, enters: int) -> Flo
         Distance of the patches of two successive frames, as a multiple of what is usual there.
     """
     last = len(clip) - 2
-    spread = np.linspace(0, last, min(_MOMENTS, last + 1)).astype(int)
+    spread = np.linspace(0, last, min(MOMENTS, last + 1)).astype(int)
     around = np.arange(-1, 2)
     places = range(len(made) - 1)
     near = [np.clip([leaves + place - 1 + around, enters + place - 1 + around], 0, last) for place in places]
@@ -72,7 +73,7 @@ def strangeness(made: Floats32, clip: Floats32, leaves: int, enters: int) -> Flo
         return np.zeros_like(found)
     usual = _distances(clip, [moment for moment, _ in known], clip, [there for _, there in known])
     level = ndimage.maximum_filter(np.quantile(usual, _USUAL, axis=0), 3)
-    result: Floats32 = (found / (level + _UNSEEN)).astype(np.float32)
+    result: Floats32 = (found / (level + UNSEEN)).astype(np.float32)
     return result
 
 
@@ -81,6 +82,17 @@ def _distances(
 ) -> Floats32:
     """Compute the distance of each patch of two successive frames from its nearest likeness, (K, h, w)."""
     height, width = clip.shape[1:]
+    if _kernels.library is not None and min(height, width) >= _PATCH:
+        least = np.empty((len(places), height, width), np.float32)
+        first = np.cumsum([0, *map(len, moments)], dtype=np.int32)
+        frames, clip = np.ascontiguousarray(frames), np.ascontiguousarray(clip)
+        numbers = np.concatenate(moments).astype(np.int32)
+        sides = (len(places), height, width, _PATCH // 2, _REACH)
+        wanted = np.array(places, np.int32)
+        if _kernels.library.nearest_patches(*sides, frames, wanted, clip, first, numbers, least):
+            raise MemoryError
+        least /= 2
+        return np.sqrt(least, out=least)
     padded = np.pad(clip, ((0, 0), (_REACH, _REACH), (_REACH, _REACH)), mode="edge")
     size = (0, min(_PATCH, height), min(_PATCH, width))
     least = np.full((len(places), height, width), np.inf, np.float32)

@@ -113,6 +113,8 @@ def steadied(
             for part in clip.parts(0, count)
         ]
     )
+    if min(gray.shape[1:]) < 2:  # px; has no slope across
+        return None
     thin = max(1, max(gray.shape[1:]) // 40)
     first, last = max(
         cuts_of(reduced_shares(gray[..., np.newaxis], thin, None)), key=lambda shot: shot[1] - shot[0]

@@ -19,8 +19,8 @@ from toposeam.volume.clip.frames import ClipFrames, reduced_shares
 _PIXELS, _MAX_COMPARED, _MIDDLE_PIXELS = 1500, 4e8, 3600
 #: Frames of long clips have fewer px each, so that all have about so many, but at least so many each.
 _MOST_PIXELS, _LEAST_PIXELS = 2e7, 100.0
-#: Longer side, px at most, of the moments by which the motion of the camera is told, and their number.
-_MAX_SIDE, _MOMENTS = 256, 200
+#: Longer side, px at most, and number of the moments that tell what comes and goes, and the camera's motion.
+_MAX_SIDE, _MOMENTS = 320, 200
 #: Standard deviation, as a share of the longer side, of what is slow light, which patches are without.
 _SLOW = 0.1
 #: Mean step between frames that is a cut: as a multiple of the median, and as a share of white at least; the
@@ -42,7 +42,8 @@ class Survey:
     middle_side: int
     #: (T, h, w): the same, gray and without slow light, in which patches are looked for.
     gray: Floats32
-    #: (N, h, w) uint8: gray moments, `lag` frames apart, of about 256 px; and the side of their squares.
+    #: (N, h, w, C) uint8: moments, `lag` frames apart, of at most 320 px; and the side of their squares on
+    #: the working size.
     moments: npt.NDArray[np.uint8]
     lag: int
     moment_side: int
@@ -71,9 +72,12 @@ class Survey:
 def cuts_of(small: Floats32) -> list[tuple[int, int]]:
     """Find the shots of small frames, (T, h, w, C)."""
     steps = np.abs(np.diff(small, axis=0)).mean(axis=(1, 2, 3))
-    # Of clips that show frames twice half of the steps are none.
+    # Of clips that show frames twice half of the steps are none; if all others are large, pictures stand
+    # between cuts: larger than where a lamp is lit.
     moved = steps[steps > _REPEATED]
-    least = max(_LEAST_CUT, _CUT_STEPS * float(np.median(moved)) if len(moved) else 0.0)
+    large = 3 * _LEAST_CUT
+    stands = 2 * len(moved) < len(steps) and bool((moved > large).all())
+    least = large if stands else max(_LEAST_CUT, _CUT_STEPS * float(np.median(moved)))
     cuts = [0, *(np.flatnonzero(steps > least) + 1).tolist(), len(small)]
     return list(itertools.pairwise(cuts))
 
@@ -97,7 +101,7 @@ def survey_of(
     small_side = _side(height, width, min(_PIXELS, max(_LEAST_PIXELS, _MAX_COMPARED / count**2)))
     middle_side = _side(rows, columns, min(_MIDDLE_PIXELS, max(_LEAST_PIXELS, _MOST_PIXELS / count)))
     lag = max(1, count // _MOMENTS)
-    moment_side = min(max(1, -(-max(height, width) // _MAX_SIDE)), height, width)
+    moment_side = min(max(1, -(-max(rows, columns) // _MAX_SIDE)), rows, columns)
     small, middle, moments = [], [], []
     low = high = np.zeros(0, np.float32)
     for start, stop in clip.ranges(0, count):
@@ -105,9 +109,9 @@ def survey_of(
         work = reduced_shares(frames, side, data_range)
         small.append(reduced_shares(frames, small_side, data_range))
         middle.append(reduced_shares(work, middle_side, None))
-        chosen = frames[-start % lag :: lag]
+        chosen = work[-start % lag :: lag]
         if len(chosen):
-            shown = reduced_shares(chosen, moment_side, data_range).mean(axis=3)
+            shown = reduced_shares(chosen, moment_side, None)
             moments.append(np.rint(np.clip(shown, 0, 1) * 255).astype(np.uint8))
         bottom, top = work.min(axis=0), work.max(axis=0)
         low, high = (bottom, top) if start == 0 else (np.minimum(low, bottom), np.maximum(high, top))

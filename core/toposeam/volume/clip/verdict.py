@@ -1,7 +1,7 @@
 """Visibility of the jumps of a loop, and the motion of the camera.
 
-Three things are seen of a change from one stretch to another, each computed for every place and frame of the
-transition:
+Four things are seen of a change from one stretch to another, the first three computed for every place and
+frame of the transition:
 
 *Steps* between neighbours in time and space that neither of the two stretches has. The excess of each is
 divided by the stretches' own steps round it, as motion and texture hide much, and squared.
@@ -11,9 +11,12 @@ divided by the stretches' own steps round it, as motion and texture hide much, a
 *Added light* of levelled loops, relative to the contrast round it: a form that lies faintly over another one
 has no steps, but is visible.
 
-What is seen has an extent and a duration. Each of the three is the greatest value that some connected region
-reaches everywhere whose area times duration is at least a fiftieth of a frame: a head for six frames counts,
-a speck does not, however large the rest of the picture may be. The verdict is the largest of the three.
+*Things that appear or vanish*: :mod:`toposeam.volume.clip.permanence`.
+
+What is seen has an extent and a duration. Each of the first three is the greatest value that some connected
+region reaches everywhere whose area times duration is at least a fiftieth of a frame: a head for six frames
+counts, a speck does not, however large the rest of the picture may be. The verdict is the largest of the
+four.
 """
 
 from __future__ import annotations
@@ -28,16 +31,17 @@ from scipy import ndimage
 from skimage.registration import phase_cross_correlation
 
 from toposeam.arrays import Floats32, Mask
-from toposeam.volume.clip.coherence import strangeness
+from toposeam.volume.clip.coherence import UNSEEN, strangeness
 from toposeam.volume.clip.frames import reduced_shares
+from toposeam.volume.clip.permanence import missing
 from toposeam.volume.clip.survey import Survey, without_slow_light
 
 #: Longer side, px at most, of the reduced frames that are judged, and side of the squares of steps and light.
 _MAX_SIDE, _SQUARE = 256, 4
-#: Steps, and added light, that even surroundings hide, as shares of white: added to the denominators.
-_HIDDEN_STEP, _HIDDEN_LIGHT = 0.02, 0.1
-#: Values of steps, strange patches and added light that are just visible; the verdict is in these units.
-_VISIBLE_STEPS, _VISIBLE_STRANGE, _VISIBLE_LIGHT = 5.0, 1.2, 1.75
+#: Added light that even surroundings hide, as a share of white.
+_HIDDEN_LIGHT = 0.1
+#: Values of steps, strange patches, added light and missing area that are just visible, the verdict's units.
+_VISIBLE_STEPS, _VISIBLE_STRANGE, _VISIBLE_LIGHT, _VISIBLE_MISSING = 5.0, 1.2, 1.75, 1.6
 #: Least region that is seen: area × duration, as a share of a frame.
 _LEAST_REGION = 0.02
 #: Side, in reduced px, of the window over which contrast is averaged, and its weight against added light.
@@ -153,6 +157,13 @@ def judged(transition: Transition, survey: Survey) -> tuple[float, int, tuple[fl
             (light, _VISIBLE_LIGHT),
         )
     ]
+    if transition.moving.shape == survey.low.shape[:2]:  # on smaller frames small things are not seen
+        shown, moves = (
+            reduced_shares(part, survey.moment_side, None)
+            for part in (transition.made, transition.moving[np.newaxis, ..., np.newaxis].astype(np.float32))
+        )
+        area, at, middle = missing(shown, survey.moments, survey.lag, moves[0, ..., 0] > 0.5)
+        found.append((area / _VISIBLE_MISSING, max(at - 1, 0), middle))
     shows, frame, where = max(found)
     return shows, min(frame, len(a) - 1), where
 
@@ -202,7 +213,7 @@ def step_visibility(made: Floats32, a: Floats32, b: Floats32) -> Floats32:
         )
         beyond = np.minimum(_norm(step - one), _norm(step - other))
         own = ndimage.uniform_filter(np.maximum(_norm(one), _norm(other)), (1, 5, 5))
-        found += np.square(beyond / (own + _HIDDEN_STEP))
+        found += np.square(beyond / (own + UNSEEN))
     return found
 
 
@@ -220,7 +231,7 @@ def camera_motion(survey: Survey, size: tuple[int, int]) -> tuple[int, int] | No
     still: list[float] = []
     together: list[float] = []
     shifts: list[npt.NDArray[np.float64]] = []
-    moments = survey.moments[:: max(1, len(survey.moments) // _PAIRS)].astype(np.float32) / 255
+    moments = survey.moments[:: max(1, len(survey.moments) // _PAIRS)].mean(axis=3, dtype=np.float32) / 255
     blurred = [ndimage.gaussian_filter(moment, 1) for moment in moments]
     for one, other in itertools.pairwise(blurred):
         steep = _steepness(one, (0, 1))
@@ -237,7 +248,7 @@ def camera_motion(survey: Survey, size: tuple[int, int]) -> tuple[int, int] | No
     if stands > _FEWEST_STILL and (stands > _FEW_STILL or shifted < _MIN_SHIFT_GAIN * stands):
         return None
     path = np.cumsum([np.zeros(2), *shifts], axis=0)
-    side = survey.moment_side
+    side = survey.side * survey.moment_side
     far = np.ptp(path, axis=0) / (np.array(size) / side)
     if (np.abs(shifts).max(axis=1) >= 1).mean() < _MIN_SHIFTED or far.max() < _MIN_MOTION:
         return None

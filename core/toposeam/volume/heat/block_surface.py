@@ -63,7 +63,7 @@ def coarse_labels(
     ground : mapping
         The stack, A or B, beyond each face of the box, as for :func:`block_sides`.
     cost, spacing, data_range
-        As for :func:`toposeam.join_volumes`.
+        As for :func:`toposeam.volume`.
     block : int
         Side, in voxels, of the blocks that are read at once.
     cells : (D, H, W, K) dask array, optional

@@ -59,7 +59,8 @@ def brightness(shown: Floats32, sides: Sequence[int]) -> Bytes:
         for extreme in (ndimage.minimum_filter, ndimage.maximum_filter)
     )
     share = np.clip((bright - low) / np.maximum(high - low, _LEAST_CONTRAST), 0, 1)
-    result: Bytes = np.rint(255 * np.square(share)).astype(np.uint8)
+    with np.errstate(invalid="ignore"):  # NaN is refused where the stacks are compared
+        result: Bytes = np.rint(255 * np.square(share)).astype(np.uint8)
     return result
 
 

@@ -54,7 +54,7 @@ def surface_problem(
     if canvas != volume_b.shape[:3]:
         raise ImageError(
             "{a} has {size_a!s} voxels and {b} has {size_b!s}; put both on one canvas of the "
-            "same size (toposeam.join_volumes does)",
+            "same size (toposeam.volume does)",
             kind="shape",
             size_a=canvas,
             size_b=volume_b.shape[:3],

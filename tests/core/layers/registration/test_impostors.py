@@ -77,6 +77,26 @@ def test_what_a_tripod_took_twice_is_one_scene():
 
 
 @pytest.mark.medium
+@pytest.mark.parametrize("order", [1, -1], ids=["strip last", "strip first"])
+@pytest.mark.parametrize(
+    ("strip", "at"),
+    [
+        (np.s_[:, :100], (0, 0)),
+        (np.s_[:, -100:], (300, 0)),
+        (np.s_[:75], (0, 0)),
+        (np.s_[-75:], (0, 225)),
+    ],
+    ids=["left", "right", "top", "bottom"],
+)
+def test_a_strip_of_a_side_belongs_to_its_picture(strip, at, order):
+    """It has no part in the middle of the whole picture, as a frame has none."""
+    whole = data.coffee()[60:360, 100:500]
+    layers = [ts.Layer(whole, name="whole"), ts.Layer(whole[strip], name="strip")][::order]
+    places = {layer.name: layer.at for layer in ts.find_places(layers).layers}
+    assert np.subtract(places["strip"], places["whole"]).tolist() == list(at)
+
+
+@pytest.mark.medium
 @pytest.mark.parametrize("quarters", [1, 2, 3])
 @pytest.mark.parametrize("which", [0, 1])
 def test_crops_that_lie_turned_are_turned_back_without_loss(quarters, which):

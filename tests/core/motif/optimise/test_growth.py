@@ -94,3 +94,11 @@ def test_what_cannot_grow_is_said():
         ts.motif.grow(recipe, kept=2)
     with pytest.raises(ts.OptionError, match="most"):
         ts.motif.grow(recipe, most=0)
+
+
+@pytest.mark.parametrize(
+    "start", [np.inf, [np.zeros(4)], [np.full((4, 4), 1.5)], ["ink"], [np.zeros((0, 4))]]
+)
+def test_a_start_that_is_no_density_is_refused(start):
+    with pytest.raises(ts.OptionError, match="start"):
+        ts.motif.grow(ts.motif.random_recipe(16, seed=1), start=start)

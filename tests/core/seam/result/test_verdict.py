@@ -12,7 +12,7 @@ ROWS = np.sin(np.arange(40) * 0.9)[:, None] * np.ones((1, 30)) * 0.4 + 0.5
 def test_where_patches_agree_nothing_is_seen():
     verdict = ts.find_seam(ROWS, ROWS).verdict
     assert (round(verdict.mean, 3), round(verdict.worst, 3)) == (1, 1)
-    assert str(verdict) == "not to be seen"
+    assert str(verdict) == "no visible seam"
 
 
 def test_stronger_broken_lines_are_more_visible():
@@ -126,7 +126,7 @@ def test_half_the_likeness_is_not_to_be_seen():
     assert just.summary() == {"likeness": 0.9124, "worst_likeness": 0.5, "step": None, "look_at": None}
     assert not below.unseen
     assert below.summary() == {"likeness": 0.9124, "worst_likeness": 0.5, "step": None, "look_at": [7, 9]}
-    assert str(Verdict(mean=0.1, worst=0.1, where=None)) == "not to be seen"
+    assert str(Verdict(mean=0.1, worst=0.1, where=None)) == "no visible seam"
 
 
 def test_a_crop_shows_what_lies_between_its_sides():

@@ -385,6 +385,11 @@ def test_of_a_clip_with_cuts_the_longest_shot_is_taken():
         ts.loop(clip, transition=21)
 
 
+def test_pictures_that_stand_between_cuts_are_shots():
+    one, other = (np.repeat(turning(1, 9) + more, count, axis=0) for more, count in ((0, 30), (2, 20)))
+    assert ts.loop(0.2 * np.concatenate([one, other])).shot == (0, 30)
+
+
 def test_large_frames_are_joined_on_squares(monkeypatch):
     """Every pixel still goes on by one frame, or by the jump; what is levelled has no step at the surface."""
     monkeypatch.setattr("toposeam.volume.clip.loop._WORKING_VOXELS", 4000)

@@ -109,3 +109,9 @@ def test_turning_there_and_back_hardly_changes_a_smooth_frame():
     frame = ndimage.gaussian_filter(np.random.default_rng(0).random((60, 80, 1)), (4, 4, 0))
     back = moved(moved(frame, 0, 0, 0.05, (29.5, 39.5)), 0, 0, -0.05, (29.5, 39.5))
     assert np.abs(back - frame)[8:-8, 8:-8].max() < 0.02 * np.ptp(frame)
+
+
+@pytest.mark.parametrize("size", [(24, 1), (1, 24)])
+def test_a_clip_of_one_pixel_across_is_left_alone(size):
+    clip = np.random.default_rng(0).random((16, *size))
+    assert steadied(as_clip(clip)[0], 1.0) is None

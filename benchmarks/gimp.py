@@ -1,5 +1,5 @@
 """Stitch Layers in a real GIMP against the command line on the same pictures: time, memory, start-up of the
-engine; strokes and Re-stitch, Fill Selection, and the dialogs' previews.
+engine; strokes and Re-stitch, Heal Selection, and the dialogs' previews.
 ``make bench-gimp``; ``python benchmarks/gimp.py previews`` needs no GIMP.
 """
 

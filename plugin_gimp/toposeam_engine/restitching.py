@@ -33,8 +33,9 @@ def restitch(job: EngineJob) -> dict[str, Any]:
     """Join layers along given paths, and round strokes on hints and masks.
 
     Each path that was edited divides the pixels that its pair shows. If two layers were moved since they were
-    joined, every path does. A request may hold only a window of layers that stayed, with the box (`within`)
-    in which pixels may change; if more would have to, the answer is to ask again, with everything.
+    joined, every path does. A request to `look` is answered by the places where seams may be noticed. One may
+    hold only a window of layers that stayed, with the box (`within`) in which pixels may change; if more
+    would have to, the answer is to ask again, with everything.
     """
     layers, options = layers_of(job), blending(job.options)
     canvas, within = ts.layers.common_canvas(layers), _box(job.request.get("within"))
@@ -53,6 +54,8 @@ def restitch(job: EngineJob) -> dict[str, Any]:
         wanted[painted] = shown[painted]
     masks = [before == index for index in range(len(layers))]
     found = ts.layers.restitch(layers, masks, paths, fixed=wanted, **options)
+    if job.request.get("look"):
+        return {"places": _places(found, canvas)}
     labels, searched = found.label_map, found.solution.method not in ("masks", "path")
     job.progress(0.6)
     now, inner = kept_of(layers, labels, canvas), None
@@ -76,6 +79,15 @@ def restitch(job: EngineJob) -> dict[str, Any]:
     }
     job.progress(1.0)
     return result
+
+
+def _places(found: ts.layers.Composition, canvas: Canvas) -> list[list[int]]:
+    """Return where seams may be noticed, on the asker's canvas; those of the most visible seam first."""
+    verdicts = sorted(found.verdicts().values(), key=lambda verdict: -verdict.visibility)
+    (left, top), height_width = canvas.origin, canvas.shape
+    places = [place for verdict in verdicts for place in verdict.places]
+    inside = [(x, y) for x, y in places if 0 <= x < height_width[1] and 0 <= y < height_width[0]]
+    return [[left + x, top + y] for x, y in inside]
 
 
 def _box(given: Sequence[int] | None) -> Box | None:

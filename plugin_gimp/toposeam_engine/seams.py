@@ -60,6 +60,8 @@ def stitched(job: EngineJob, layers: Sequence[ts.Layer]) -> tuple[PlacedLayers, 
     scans = options.get("pictures") == "scans"
     place = placed(layers, options, lambda share: job.progress(share * start))
     tones, shading = (options.pop(f"match_{what}", False) for what in ("tones", "shading"))
+    if "crop" in job.options:  # of a panorama, whose vignetting is corrected with its tones or not at all
+        shading = shading and tones
     if scans:
         tones = shading = False
         options |= {"blend": "none"}

@@ -15,7 +15,8 @@ on stdout, one JSON object a line::
 With the name of an operation it loads that operation's modules before the nonce comes, while pixels are
 written. Called with ``-`` in place of a folder, and perhaps with names of previews, it loads its libraries
 and serves one request after another, as for previews: each is two lines on stdin, the folder's name and its
-nonce, and gets one result or error.
+nonce, and gets one result or error. Called with ``--listen`` it does so for one connection after another
+(:mod:`toposeam_engine.listening`).
 
 It ends when its stdin is closed, as the asker has ended then, and removes the folder on which it works. To
 cancel, end the process.
@@ -32,6 +33,7 @@ import shutil
 import sys
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 from typing import Any, TextIO
@@ -88,11 +90,13 @@ class Channel:
 
 
 class Asker:
-    """The asking process, at the other end of stdin, which a thread reads. Once stdin is closed nobody needs
-    results, and the engine cleans up.
+    """The asking process, at the other end of a file descriptor, which a thread reads. Once that is closed
+    nobody needs results, and the engine cleans up: the request's folder, and perhaps the socket on which it
+    listens.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, descriptor: int = 0, listens: Path | None = None) -> None:
+        self._descriptor, self._listens = descriptor, listens
         self._lines: queue.Queue[bytes | None] = queue.Queue()
         self._folder: Path | None = None
         self._gone = False
@@ -110,7 +114,7 @@ class Asker:
             self._folder = folder
             gone = self._gone
         if gone and folder is not None:
-            _leave(folder)
+            self._leave(folder)
 
     def join_if_gone(self) -> None:
         """Wait for the end of this process if the asker has ended, as the request's folder is then gone."""
@@ -119,9 +123,7 @@ class Asker:
 
     def _read(self) -> None:
         rest = b""
-        while block := os.read(
-            0, 4096
-        ):  # not through sys.stdin, whose lock would abort the interpreter's end
+        while block := self._block():
             *lines, rest = (rest + block).split(b"\n")
             for line in [*lines, *([rest] if len(rest) > _LONGEST_LINE else [])]:
                 self._lines.put(line[: _LONGEST_LINE + 1])
@@ -132,12 +134,29 @@ class Asker:
         with self._lock:
             self._gone, folder = True, self._folder
         if folder is not None:
-            _leave(folder)
+            self._leave(folder)
+
+    def _block(self) -> bytes:
+        """Return what was written; nothing at the end. It does not go through sys.stdin, whose lock would
+        abort the interpreter's end.
+        """
+        try:
+            return os.read(self._descriptor, 4096)
+        except OSError:  # a connection that was reset
+            return b""
+
+    def _leave(self, folder: Path) -> None:
+        shutil.rmtree(folder, ignore_errors=True)
+        if self._listens is not None:
+            self._listens.unlink(missing_ok=True)
+        os._exit(3)
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Serve one request, or all that come."""
     arguments = sys.argv[1:] if arguments is None else arguments
+    if arguments[:1] == ["--listen"] and len(arguments) == 3 and arguments[2].isdigit():
+        return _listen(Path(arguments[1]), int(arguments[2]))
     waits = arguments[:1] == ["-"] and len(arguments) <= 2
     if not waits and (len(arguments) not in (1, 2) or not Path(arguments[0]).is_dir()):
         print("usage: python -m toposeam_engine FOLDER   (the GIMP plug-in calls it)", file=sys.stderr)  # noqa: T201
@@ -158,11 +177,37 @@ def main(arguments: list[str] | None = None) -> int:
     threading.Thread(target=_beat, args=(channel,), daemon=True).start()
     if not waits:
         return _answer(asker, channel, Path(arguments[0]), asker.line())
+    return _answer_all(asker, channel)
+
+
+def _answer_all(asker: Asker, channel: Channel) -> int:
+    """Serve one request after another until the asker leaves."""
     code = 0
     while name := asker.line():
         code = _answer(asker, channel, Path(os.fsdecode(name)), asker.line())
         channel.restart()
     return code
+
+
+def _listen(address: Path, owner: int) -> int:
+    """Serve one connection after another."""
+    listening = import_module("toposeam_engine.listening")
+    _load_all()
+    import_module("toposeam_engine.rehearsing").rehearse("restitch")
+    listener = listening.bound(address)
+    if listener is None:
+        return 0
+    try:
+        while (connection := listening.next_asker(listener, owner)) is not None:
+            with connection, suppress(OSError), connection.makefile("w", encoding="utf-8") as stream:
+                channel, asker = Channel(stream), Asker(connection.fileno(), address)
+                channel.send("hello", protocol=PROTOCOL, version=_version())
+                threading.Thread(target=_beat, args=(channel,), daemon=True).start()
+                _answer_all(asker, channel)
+    finally:
+        listener.close()
+        address.unlink(missing_ok=True)
+    return 0
 
 
 def _load_all() -> None:
@@ -253,12 +298,8 @@ def _version() -> str:
     return toposeam.__version__
 
 
-def _leave(folder: Path) -> None:
-    shutil.rmtree(folder, ignore_errors=True)
-    os._exit(3)
-
-
 def _beat(channel: Channel) -> None:
     clock = threading.Event()
-    while not clock.wait(_HEARTBEAT_S):
-        channel.send("alive")
+    with suppress(OSError, ValueError):  # a connection that was closed
+        while not clock.wait(_HEARTBEAT_S):
+            channel.send("alive")

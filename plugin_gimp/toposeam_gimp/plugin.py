@@ -118,6 +118,8 @@ def _run(
         Gimp.progress_init(entry.title)
         layer = getattr(import_module(f"toposeam_gimp.actions.{name}"), function)(call)
         Gimp.displays_flush()
+        if interactive and entry.paints:
+            _open_window(call, layer)
         if call.interactive and call.remarks:
             Gimp.message("\n".join(call.remarks))
     except (RefusedError, UnclearError, GoneError, EngineError, FolderError) as error:
@@ -163,6 +165,14 @@ def _ask_user(
     from toposeam_gimp.dialogs.dialog import Dialog
 
     return Dialog(procedure, config, entry, image, drawables).run()
+
+
+def _open_window(call: Call, strokes: Gimp.Layer) -> None:
+    from toposeam_gimp.actions.painting import Painting
+    from toposeam_gimp.dialogs.seam_window import SeamWindow
+
+    Gimp.progress_end()
+    SeamWindow(Painting(call, strokes)).run()
 
 
 def _failure(procedure: Gimp.Procedure, message: str) -> Gimp.ValueArray:

@@ -16,7 +16,9 @@ from toposeam_gimp.entries.table import PROCEDURES
 
 needs_gimp()
 
-MOTIF, FILL, LOOP = (f"plug-in-toposeam-{name}" for name in ("motif", "fill", "loop"))
+MOTIF, FILL, LOOP, HINTS = (f"plug-in-toposeam-{name}" for name in ("motif", "fill", "loop", "hints"))
+#: Where the picture is in GIMP's window, px of the screen.
+CANVAS = 260, 320
 #: An animation has a test of its own.
 DIALOGS = [name for name, entry in PROCEDURES.items() if entry.options and not name.endswith("loop")]
 
@@ -232,6 +234,34 @@ def test_the_last_values_are_remembered(screen, windowed, opened):
     succeeded(windowed.stitch(opened, mode="WITH_LAST_VALS"))
     visible = [path["visible"] for path in windowed.tree(image=opened["image"])["paths"]]
     assert visible == [False, False]
+
+
+def test_a_stroke_moves_the_seam_while_its_window_is_open(screen, windowed, opened):
+    group = succeeded(windowed.stitch(opened))["layer"]
+    before = windowed.tree(image=opened["image"])
+    asked = Asked(windowed, HINTS, opened, [group])
+    window = screen.window("^Seam$")
+    screen.do("windowmove", window, 900, 600)
+    picture = screen.window("Background|grass|GIMP")
+    screen.press(picture, "p")
+    x, y = CANVAS
+    screen.do("mousemove", x - 60, y, "mousedown", 1)
+    for step in range(13):
+        screen.do("mousemove", x - 60 + 6 * step, y)
+    screen.do("mouseup", 1)
+    time.sleep(8)
+    screen.shoot("/tmp/t.png")
+    assert asked.result is None
+    screen.press(window, "Escape")
+    succeeded(asked.answer())
+    after = windowed.tree(image=opened["image"])
+    strokes, found = after["layers"][:2]
+    assert (strokes["name"], strokes["visible"], strokes["opacity"]) == ("Seam hints", False, 60.0)
+    assert [layer["name"] for layer in after["layers"][2:]] == [
+        layer["name"] for layer in before["layers"][1:]
+    ]
+    masks = [[child["mask"] for child in one["children"]] for one in (before["layers"][0], found)]
+    assert masks[0] != masks[1]
 
 
 @pytest.mark.slow

@@ -298,7 +298,7 @@ def test_turns_lie_where_nobody_else_can_take_them(session, tmp_path, monkeypatc
     with turns.turn():
         pass
     own = tmp_path / "cache" / "toposeam" / "gimp"
-    assert (own / "turn").stat().st_mode & 0o177 == 0
+    assert (own / "toposeam-turn").stat().st_mode & 0o177 == 0
     assert own.stat().st_mode & 0o077 == 0
     assert not list(session.iterdir())
 

@@ -257,3 +257,22 @@ def test_a_window_gives_what_everything_gives(gimp, wide, on):
         assert not mask_of(gimp, upper)[row - 40 : row - 20, column + 20 - 900 : column + 50 - 900].any()
     np.testing.assert_array_equal(found[0][0], found[1][0])
     assert found[0][1:] == found[1][1:]
+
+
+def test_strokes_on_gray_pictures_are_of_their_layer(gimp, image, samples):
+    files = [samples / f"still_life_{side}.png" for side in ("left", "right")]
+    loaded = image(files, offsets=[(0, 0), (310, 0)], gray=True)
+    stitched = {**loaded, "group": succeeded(gimp.stitch(loaded))["layer"]}
+    for number, box in ((0, (390, 60, 40, 40)), (1, (330, 300, 40, 40))):
+        layer = copies(gimp, stitched)[number]
+        strokes = run(gimp, stitched, HINTS, layer)
+        code = """
+image_of(image).select_rectangle(Gimp.ChannelOps.REPLACE, *box)
+item(layer).edit_fill(Gimp.FillType.FOREGROUND)
+Gimp.Selection.none(image_of(image))
+"""
+        gimp.python(code=code, image=stitched["image"], layer=strokes, box=box)
+    run(gimp, stitched, RESTITCH, strokes)
+    low, high = seen(gimp, stitched)
+    assert (low[65:95, 395:425] == 255).all()
+    assert (high[305:335, 25:55] == 255).all()

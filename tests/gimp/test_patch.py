@@ -32,7 +32,10 @@ def ellipse(gimp, loaded, x, y, width, height):
 
 
 def patch(gimp, loaded, layer, options=None):
-    return gimp.run(procedure=PATCH, image=loaded["image"], layers=[layer], options=options)
+    """Lay it with a hard cut, unless the options say otherwise."""
+    return gimp.run(
+        procedure=PATCH, image=loaded["image"], layers=[layer], options={"blend": "none", **(options or {})}
+    )
 
 
 def test_a_closed_seam_runs_where_the_pictures_agree(gimp, image, pictures):

@@ -1,4 +1,4 @@
-"""Synthesize Texture, Make Seamless Tile and Fill Selection in a real GIMP."""
+"""Synthesize Texture, Make Seamless Tile and Heal Selection in a real GIMP."""
 
 import numpy as np
 import pytest

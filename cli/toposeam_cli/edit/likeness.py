@@ -1,7 +1,7 @@
 """How likely seams are to be seen, by squares, and the worst places.
 
-As soon as a seam runs there, a square counts by the likeness of the two pictures; once the blended picture has
-been looked at, by the largest step of tone, hue or grain, or the clearest break, that it shows: see
+As soon as a seam runs there, a square counts by the likeness of the two pictures; once the blended picture
+has been looked at, by the largest step of tone, hue or grain, or the clearest break, that it shows: see
 :mod:`toposeam.seam.result.verdict`.
 """
 

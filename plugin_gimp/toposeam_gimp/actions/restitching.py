@@ -1,4 +1,4 @@
-"""Re-stitch, and Paint Seam Hints, which prepares it: seams follow bent paths, strokes, and painted masks."""
+"""Re-stitch: seams follow bent paths, strokes, and painted masks."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from toposeam_gimp.actions.joining import draw_seams, put_mask, put_mask_part, p
 from toposeam_gimp.actions.windows import window_of
 from toposeam_gimp.engine.call import Call, renamed
 from toposeam_gimp.engine.folder import RequestFolder
+from toposeam_gimp.engine.process import keep
 from toposeam_gimp.image import curves, hints, pixels
 from toposeam_gimp.image import path_choice as choosing
 from toposeam_gimp.image.layers import (
@@ -31,13 +32,17 @@ from toposeam_gimp.texts import _
 
 def restitch(call: Call) -> Gimp.Layer:
     """Update a stitched group, or a patch, so that its seams follow its paths, the strokes of its hints, and
-    its painted masks. Strokes are hidden then, and a mask that is selected stays so.
+    its painted masks. Strokes are hidden then, but for somebody who goes on painting (option "painting"); a
+    mask that is selected stays so. With the option "news-only" nothing happens if the strokes are as they
+    were.
     """
     image = call.image
     selected = chosen_layers(image, under_masks(call.drawables))
     group, memory = stitched_group(image, selected)
-    layers, strokes = _layers_of(image, memory), hints.hints_of(image, memory)
+    layers, strokes = layers_of(image, memory), hints.hints_of(image, memory)
     now: dict[str, Any] = {"masks": sums_of(layers), "strokes": pixels.tile_sums(strokes)}
+    if call.options.get("news-only") and now["strokes"] == memory.get("strokes", {}):
+        return group
     applied = _seams_to_apply(call, memory["seams"])
     bent = any(seam["touched"] for seam in applied)
     window = None if bent else window_of(layers, strokes, memory, now)
@@ -62,7 +67,7 @@ def restitch(call: Call) -> Gimp.Layer:
                 "written": send_shown(folder, group, memory),
                 "hints": pixels.send_strokes(folder, strokes, now["strokes"], sent),
                 "news": strokes and pixels.changed_box(strokes, before, now["strokes"]),
-                "colours": [colour for colour, _tag in hints.COLOURS][: len(rasters)],
+                "colours": hints.colours_in(image)[: len(rasters)],
                 "seams": applied,
                 "options": renamed(memory["options"]),
             }
@@ -75,7 +80,7 @@ def restitch(call: Call) -> Gimp.Layer:
                 if answer["seams"] is not None:
                     seams = _redrawn(call, seams, answer["seams"], undone)
                 paints = strokes is not None and strokes.get_id() in {layer.get_id() for layer in selected}
-                if strokes is not None:
+                if strokes is not None and not call.options.get("painting"):
                     hints.hide_reach(image, strokes)
                     strokes.set_visible(False)
                 if answer["hints"] is not None:
@@ -91,6 +96,7 @@ def restitch(call: Call) -> Gimp.Layer:
                 _select_again(call, strokes if paints else group)
             _tell_beyond(call, [raster["name"] for raster in rasters], answer["beyond"])
             break
+    keep()
     return group
 
 
@@ -144,55 +150,8 @@ def _tell_beyond(call: Call, names: Sequence[str], beyond: Sequence[int]) -> Non
         )
 
 
-def paint_hints(call: Call) -> Gimp.Layer:
-    """Show and select the layer of hints, on which people paint where each layer shall show, and how far each
-    layer reaches; choose a colour, but for somebody who has just painted. Make the layer if there is none.
-    """
-    image = call.image
-    selected = chosen_layers(image, under_masks(call.drawables))
-    group, memory = stitched_group(image, selected)
-    layers = _layers_of(image, memory)
-    below = memory["kind"] == "patch"
-    if len(layers) + below > len(hints.COLOURS):
-        raise RefusedError(
-            _(
-                "There are colours for {count} layers, and this group has more; paint on the layers' masks "
-                "instead, and choose Re-stitch."
-            ).format(count=len(hints.COLOURS))
-        )
-    strokes: Any = hints.hints_of(image, memory)
-    is_new = strokes is None
-    with one_undo_step(image):
-        if is_new:
-            boxes = [pixels.layer_box(layer) for layer in layers]
-            strokes = hints.new_hints(image, group, pixels.around(boxes))
-            kept = ("kind", "options", "names", "masks", "margin")
-            about = {name: memory[name] for name in kept if name in memory}
-            remember(None, group, layers, memory["seams"], None, about, memory, strokes)
-        for index, layer in enumerate(layers, start=int(below)):
-            layer.set_color_tag(hints.COLOURS[index][1])
-        hints.show_reach(image, strokes, layers, int(below))
-        strokes.set_visible(True)
-        image.set_selected_layers([strokes])
-    chosen = {layer.get_id() for layer in selected}
-    if strokes.get_id() in chosen:
-        return strokes
-    meant = [index for index, layer in enumerate(layers) if layer.get_id() in chosen] or [len(layers) - 1]
-    Gimp.context_set_foreground(hints.colour(meant[-1] + below))
-    if len(layers) + below == 2:
-        Gimp.context_set_background(hints.colour(1 - meant[-1] - below))
-    if is_new:
-        call.tell(
-            _(
-                "Paint on “Seam hints” where “{name}” shall show: that is the foreground colour now. Each "
-                "layer has the colour of its tag in the Layers dialog; of two, X swaps them. Then choose "
-                "Re-stitch."
-            ).format(name=layers[meant[-1]].get_name())
-        )
-    return strokes
-
-
-def _layers_of(image: Gimp.Image, memory: dict[str, Any]) -> list[Gimp.Layer]:
+def layers_of(image: Gimp.Image, memory: Mapping[str, Any]) -> list[Gimp.Layer]:
+    """Return the layers of a stitched group by its record, the lowest first."""
     layers = [image.get_layer_by_tattoo(tattoo) for tattoo in memory["layers"]]
     if any(layer is None for layer in layers):
         raise RefusedError(_("A layer of this group was deleted or merged; stitch the layers again."))

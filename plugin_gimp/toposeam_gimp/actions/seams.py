@@ -17,6 +17,7 @@ from toposeam_gimp.image.layers import (
     check_selection,
     chosen_layers,
     lowest_first,
+    mark_place,
     one_undo_step,
     remember,
 )
@@ -145,10 +146,13 @@ def _tell(call: Call, layers: Sequence[Gimp.Layer], used: Sequence[Gimp.Layer], 
     for misfit in answer.get("misfits", ())[:1]:
         (x, y), off, names = misfit["at"], f"{misfit['off']:.0f}", named(misfit["between"])
         call.tell(
-            _("The seam between {names} passes what is {off} px apart near {x},{y}; look there.").format(
-                names=names, off=off, x=x, y=y
-            )
+            _(
+                "The seam between {names} passes what is {off} px apart near {x},{y}, where guides cross; "
+                "look there, and choose Paint Seam Hints if it shows."
+            ).format(names=names, off=off, x=x, y=y)
         )
+        if call.interactive:
+            mark_place(call.image, (x, y))
     if answer.get("goes_round"):
         call.tell(
             _("The panorama goes all the way round; its left and right end show the same and are not joined.")

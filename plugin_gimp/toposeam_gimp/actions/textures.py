@@ -1,4 +1,4 @@
-"""Synthesize Texture, Make Seamless Tile, Fill Selection: from the pixels of one layer to a new layer."""
+"""Synthesize Texture, Make Seamless Tile, Heal Selection: from the pixels of one layer to a new layer."""
 
 from __future__ import annotations
 

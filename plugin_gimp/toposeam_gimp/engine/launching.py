@@ -130,6 +130,30 @@ def started(
         shutil.rmtree(folder, ignore_errors=True)
 
 
+def leave_running(command: Sequence[str]) -> None:
+    """Start a program that outlives this process, in the root folder; what it prints is dropped.
+
+    Raises
+    ------
+    OSError
+        When there is no such program, or it does not start.
+    """
+    program = find_program(command[0])
+    if program is None:
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), command[0])
+    nothing = subprocess.DEVNULL
+    process = subprocess.Popen(  # noqa: S603 - a full path, and no shell
+        [program, *command[1:]],
+        cwd=os.sep,
+        env=clean_environment(os.environ),
+        stdin=nothing,
+        stdout=nothing,
+        stderr=nothing,
+        start_new_session=True,
+    )
+    process.returncode = 0  # nobody waits for it
+
+
 def run(
     command: Sequence[str], *, environment: Mapping[str, str] | None = None, timeout_s: float | None = None
 ) -> subprocess.CompletedProcess[str]:

@@ -20,6 +20,7 @@ from typing import IO, Any
 
 from toposeam_gimp import __version__
 from toposeam_gimp.engine.folder import RequestFolder
+from toposeam_gimp.engine.keeping import KeptEngine, keep_engine, kept_engine
 from toposeam_gimp.engine.launching import WITH_USERS_PACKAGES, find_program, started
 from toposeam_gimp.sentences import in_gimps_words
 from toposeam_gimp.texts import _
@@ -43,6 +44,10 @@ class NoEngineError(EngineError):
 
 class _SaidError(EngineError):
     """An error that the engine reported, after which it can be asked again."""
+
+
+class _EndedError(EngineError):
+    """The engine has ended without an answer."""
 
 
 def settings_file() -> Path:
@@ -154,16 +159,22 @@ def ask(
             raise
     if folder.engine is None:
         begin(folder, command=command)
-    started: Engine = folder.engine
     try:
-        started.tell(folder.nonce)
-        return _listen(started, folder, progress, silence_s, folder.path / _LOG)
+        if isinstance(folder.engine, KeptEngine):
+            with suppress(_EndedError):
+                folder.engine.tell(str(folder.path), folder.nonce)
+                return _listen(folder.engine, folder, progress, silence_s)
+            folder.end_engine()  # killed, perhaps; another one says why if it cannot do it either
+            begin(folder, command=command)
+        folder.engine.tell(folder.nonce)
+        return _listen(folder.engine, folder, progress, silence_s, folder.path / _LOG)
     finally:
         folder.end_engine()
 
 
 def begin(folder: RequestFolder, of: str = "", command: Iterable[str] | None = None) -> None:
-    """Start the engine for a folder, so that it loads its modules while pixels are written.
+    """Take the engine that is kept between calls for Re-stitch, if there is one, else start one for this
+    folder, so that it loads its modules while pixels are written.
 
     Parameters
     ----------
@@ -178,8 +189,17 @@ def begin(folder: RequestFolder, of: str = "", command: Iterable[str] | None = N
     EngineError
         When it cannot be started.
     """
+    if of == "restitch" and (kept := kept_engine(command_of(find_python()), PROTOCOL)) is not None:
+        folder.engine = kept
+        return
     with (folder.path / _LOG).open("wb") as noise:
         folder.engine = Engine([str(folder.path), *([of] if of else [])], noise, command)
+
+
+def keep() -> None:
+    """Start the engine that Re-stitch takes next, unless it runs."""
+    with suppress(EngineError):
+        keep_engine(command_of(find_python()))
 
 
 class Engine:
@@ -274,7 +294,7 @@ class Engine:
 
 
 def _listen(
-    process: Engine,
+    process: Engine | KeptEngine,
     folder: RequestFolder,
     progress: Callable[[float], None],
     silence_s: float,
@@ -292,7 +312,7 @@ def _listen(
                 ).format(seconds=round(silence_s))
             ) from None
         if line is None:
-            raise EngineError(_obituary(process, log))
+            raise _EndedError(_obituary(process, log))
         folder.touch()
         try:
             event = json.loads(line)
@@ -318,7 +338,7 @@ def _listen(
             return result
 
 
-def _obituary(process: Engine, log: Path | None) -> str:
+def _obituary(process: Engine | KeptEngine, log: Path | None) -> str:
     """Return the message for the user about an engine that ended without an error."""
     code = process.wait()
     said = [

@@ -13,6 +13,7 @@ from toposeam_gimp.engine.folder import users_folder
 #: Longest wait for another entry, s: what hangs meanwhile must not stop all others.
 _PATIENCE_S = 60.0
 _LOOK_EVERY_S = 0.05
+_NAME = "toposeam-turn"
 
 
 @contextmanager
@@ -22,7 +23,9 @@ def turn(patience_s: float = _PATIENCE_S) -> Iterator[None]:
     """
     lock = None
     with suppress(ImportError, OSError, KeyError, RuntimeError):
-        lock = os.open(_file(), os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
+        lock = os.open(
+            session_folder() / _NAME, os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600
+        )
         _wait(lock, time.monotonic() + patience_s)
     try:
         yield
@@ -31,15 +34,15 @@ def turn(patience_s: float = _PATIENCE_S) -> Iterator[None]:
             os.close(lock)
 
 
-def _file() -> Path:
-    """Return a file that nobody else can open: in the folder of this session, or in this user's cache."""
+def session_folder() -> Path:
+    """Return a folder that nobody else can open: that of this session, or one in this user's cache."""
     session = os.environ.get("XDG_RUNTIME_DIR", "")
     if Path(session).is_absolute():
         with suppress(OSError):
             seen = Path(session).lstat()
             if seen.st_uid == os.getuid() and not seen.st_mode & 0o077 and Path(session).is_dir():
-                return Path(session) / "toposeam-turn"
-    return users_folder() / "turn"
+                return Path(session)
+    return users_folder()
 
 
 def _wait(lock: int, end: float) -> None:

@@ -102,6 +102,9 @@ class Procedure:
     #: without a preview.
     preview: str | None = None
 
+    #: Whether a window stays open afterwards, for who paints on the layer it returns.
+    paints: bool = False
+
     @property
     def title(self) -> str:
         """The label without mnemonic and dots; Korean labels have the mnemonic as “(_S)”."""

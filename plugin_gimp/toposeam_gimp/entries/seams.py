@@ -172,7 +172,7 @@ SEAM_ENTRIES = (
             ),
             Option(
                 name="crop",
-                label=_("_Transparent corners"),
+                label=_("Tr_ansparent corners"),
                 default="fit",
                 help=_(
                     "Fit: the border is bent a little and slivers are filled, on a layer of their own, so "
@@ -181,13 +181,8 @@ SEAM_ENTRIES = (
                 ),
                 choices=(("fit", _("Fit")), ("crop", _("Crop")), ("keep", _("Keep"))),
             ),
-            Option(
-                name="match-shading",
-                label=_("Match tones and correct vig_netting"),
-                default=True,
-                help=_("Even out exposure and white balance, and that lenses darken towards their corners"),
-                applies=_PHOTOGRAPHS,
-            ),
+            replace(_TONES, default=True, applies=_PHOTOGRAPHS),
+            replace(_SHADING, default=True, applies=("match-tones", (True,)), advanced=False),
             replace(_BLEND, default="auto", applies=_PHOTOGRAPHS),
             _SHOW,
             Option(
@@ -264,7 +259,7 @@ SEAM_ENTRIES = (
         name="plug-in-toposeam-hints",
         label=_("Paint Seam _Hints"),
         menu=LAYERS,
-        work="restitching.paint_hints",
+        work="painting.paint_hints",
         needs="layers",
         blurb=_(
             "Get a layer to paint on which layer of a panorama or stitched group shall show where: a face "
@@ -278,6 +273,7 @@ SEAM_ENTRIES = (
             "strokes that shall no longer count."
         ),
         returns=("hints", "The layer to paint on"),
+        paints=True,
     ),
     Procedure(
         name="plug-in-toposeam-restitch",
@@ -313,7 +309,7 @@ SEAM_ENTRIES = (
             "selection, or without any selection the whole layer, is a patch too. The patch becomes a layer "
             "with a mask, and the seam a path; the layer it was cut from is hidden."
         ),
-        options=(_BLEND, _WIDTH, _CORE, _AVOID, _SHOW, _METHOD, _LAW),
+        options=(replace(_BLEND, default="multiband"), _WIDTH, _CORE, _AVOID, _SHOW, _METHOD, _LAW),
         returns=("patch", "The layer with the patch"),
         preview="patch",
     ),

@@ -124,14 +124,14 @@ TEXTURE_ENTRIES = (
     ),
     Procedure(
         name="plug-in-toposeam-fill",
-        label=_("_Fill Selection..."),
+        label=_("_Heal Selection..."),
         menu=TEXTURES,
         work="textures.fill",
         check="check_fill",
         also="<Image>/Filters/Enhance",
         blurb=_(
-            "Replace what is selected by what the rest of this layer, or another one, is like (heal, "
-            "remove object, content-aware fill, inpaint)"
+            "Replace what is selected by what the rest of this layer, or another one, is like (fill "
+            "selection, remove object, content-aware fill, inpaint)"
         ),
         help=_(
             "The hole is filled from outside inwards with patches of the layer, cut along the best "

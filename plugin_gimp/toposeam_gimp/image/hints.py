@@ -12,10 +12,11 @@ from toposeam_gimp.image import pixels
 from toposeam_gimp.image.layers import HINTS_PARASITE, KEPT
 from toposeam_gimp.image.reach import draw_reach
 from toposeam_gimp.image.seam_colours import COLOURS as COLOURS
+from toposeam_gimp.image.seam_colours import colours_in as colours_in
 from toposeam_gimp.texts import _
 
 #: Opacity of the layer of strokes, %, so that the picture is seen through it.
-_OPACITY = 60.0
+OPACITY = 60.0
 #: Name of the parasite on a layer of strokes: the tattoo of the layer with the outlines.
 _REACH_PARASITE = "toposeam-reach"
 
@@ -32,7 +33,7 @@ def new_hints(image: Gimp.Image, group: Gimp.Layer, box: pixels.Box) -> Gimp.Lay
     position = image.get_item_position(group)
     image.insert_layer(layer, group.get_parent(), position if group.is_group() else max(position - 1, 0))
     layer.set_offsets(box[0], box[1])
-    layer.set_opacity(_OPACITY)
+    layer.set_opacity(OPACITY)
     mark = list(str(group.get_tattoo()).encode())
     layer.attach_parasite(Gimp.Parasite.new(HINTS_PARASITE, KEPT, mark))
     return layer
@@ -85,6 +86,6 @@ def hide_reach(image: Gimp.Image, strokes: Gimp.Layer) -> None:
         strokes.detach_parasite(_REACH_PARASITE)
 
 
-def colour(index: int) -> Gegl.Color:
-    """Return the colour of strokes for a layer, counted from the lowest."""
-    return Gegl.Color.new("#" + bytes(COLOURS[index][0]).hex())
+def colour(image: Gimp.Image, index: int) -> Gegl.Color:
+    """Return the colour of strokes for a layer of an image, counted from the lowest."""
+    return Gegl.Color.new("#" + bytes(colours_in(image)[index]).hex())

@@ -24,6 +24,8 @@ PATH_PARASITE = "toposeam-path"
 SHOWN_PARASITE = "toposeam-shown"
 #: Name of the parasite on a layer with strokes: the tattoo of their group.
 HINTS_PARASITE = "toposeam-hints"
+#: Name of the parasite on an image: the guides at the place that was marked last.
+_GUIDES_PARASITE = "toposeam-guides"
 _PARASITE_VERSION = 3
 #: Flags of the parasites: saved with the file, and part of the undo step, as GIMP reports an error on undo
 #: otherwise.
@@ -116,6 +118,24 @@ def one_undo_step(image: Gimp.Image) -> Iterator[list[Callable[[], Any]]]:
         finally:
             if image.is_valid():
                 image.undo_group_end()
+
+
+def mark_place(image: Gimp.Image, place: Sequence[int]) -> None:
+    """Let two guides cross at a place of the canvas; those of the last place go."""
+    mark = image.get_parasite(_GUIDES_PARASITE)
+    old = [] if mark is None else list(map(int, bytes(mark.get_data()).decode().split(",")))
+    guide, known = image.find_next_guide(0), []
+    while guide:
+        known.append(guide)
+        guide = image.find_next_guide(guide)
+    for guide in old:
+        if guide in known:
+            image.delete_guide(guide)
+    x, y = (
+        min(max(at, 0), size) for at, size in zip(place, (image.get_width(), image.get_height()), strict=True)
+    )
+    new = image.add_vguide(x), image.add_hguide(y)
+    image.attach_parasite(Gimp.Parasite.new(_GUIDES_PARASITE, 0, list(",".join(map(str, new)).encode())))
 
 
 def draw_seam(image: Gimp.Image, seam: dict[str, Any], *, visible: bool) -> tuple[Gimp.Path, dict[str, Any]]:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from gi.repository import Gegl, Gimp
 
 from toposeam_gimp.image import pixels
-from toposeam_gimp.image.seam_colours import COLOURS
+from toposeam_gimp.image.seam_colours import colours_in
 
 #: Longer side of the picture ÷ width of the outlines.
 _THIN = 1500
@@ -23,7 +23,8 @@ def draw_reach(outlines: Gimp.Layer, layers: Sequence[Gimp.Layer], first: int) -
     """
     whole = (0, 0, outlines.get_width(), outlines.get_height())
     buffer, width = outlines.get_buffer(), max(whole[2:]) // _THIN + 1
-    for (red, green, blue), _tag, layer in zip(*zip(*COLOURS[first:], strict=True), layers, strict=False):
+    colours = colours_in(outlines.get_image())[first:]
+    for (red, green, blue), layer in zip(colours, layers, strict=False):
         left, top = pixels.place_of(layer)
         for (x, y, columns, rows), line in _outline(layer, width):
             box = pixels.common((left + x, top + y, columns, rows), whole)

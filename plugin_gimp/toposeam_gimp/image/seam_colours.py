@@ -15,3 +15,12 @@ COLOURS = (
     ((120, 75, 35), Gimp.ColorTag.BROWN),
     ((128, 128, 128), Gimp.ColorTag.GRAY),
 )
+#: What stands for the same layers in gray images.
+_GRAYS = (40, 220, 130, 85, 175, 255, 0, 155)
+
+
+def colours_in(image: Gimp.Image) -> list[tuple[int, int, int]]:
+    """Return the colours of strokes in an image, from the lowest layer on: grays if it has no others."""
+    if image.get_base_type() == Gimp.ImageBaseType.GRAY:
+        return [(gray, gray, gray) for gray in _GRAYS]
+    return [colour for colour, _tag in COLOURS]

@@ -306,7 +306,7 @@ class Composition(PictureResult):
     ) -> list[tuple[Pair, float, tuple[int, int]]]:
         """Find where seams pass points at which the pictures of a placement do not meet.
 
-        Seams that are unlikely to be noticed are left out.
+        Places where the seam is unlikely to be noticed are left out.
 
         Parameters
         ----------
@@ -327,14 +327,17 @@ class Composition(PictureResult):
         verdicts, (height, width) = self.verdicts(executor), self.shape
         found = list[tuple[Pair, float, tuple[int, int]]]()
         for pair, residual in placement.residuals.items():
-            verdict, apart = verdicts.get(pair), np.array(residual.apart).reshape(-1, 3)
-            if pair not in self.pairs or (verdict is not None and verdict.inside(self.cropped).unseen):
+            if pair not in self.pairs:
                 continue
+            verdict, apart = verdicts.get(pair), np.array(residual.apart).reshape(-1, 3)
+            verdict = verdict and verdict.inside(self.cropped)
             at = apart[:, :2] if onto is None else onto(apart[:, :2])
             at = np.nan_to_num(at - self.origin, nan=-1).round().astype(int)
             inside = ((at >= 0) & (at < (width, height))).all(axis=1)
             for (x, y), off in zip(at[inside].tolist(), apart[inside, 2].tolist(), strict=True):
                 rows, columns = (slice(max(0, one - _BESIDE), one + _BESIDE + 1) for one in (y, x))
+                if verdict is not None and not verdict.is_noticed_near(x, y):
+                    continue
                 if set(pair) <= set(np.unique(np.asarray(self.labels(rows, columns))).tolist()):
                     found.append((pair, off, (x, y)))
                     break

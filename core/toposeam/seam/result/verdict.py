@@ -29,6 +29,7 @@ too.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -45,6 +46,10 @@ SQUARE_PX = 16
 HALF_COST = 18.0
 #: Share of a seam's interfaces that are its worst part.
 _WORST_SHARE = 0.1
+#: Distance at which a piece of a seam counts as near, px: half the longest one.
+_NEAR_PX = 32
+#: Least distance of places that are listed, px: about what is seen at once in a window at 100 %.
+_APART_PX = 100
 #: Least likeness of the worst part of a seam that counts as invisible.
 UNSEEN = 0.5
 #: Bands beside a seam: from and to which distance, px; the side of the pieces of the seam, px; T, ΔE.
@@ -114,6 +119,32 @@ class Verdict:
     def unseen(self) -> bool:
         """True if even the worst part of the seam is unlikely to be noticed."""
         return self.visibility <= 1
+
+    @property
+    def places(self) -> list[tuple[int, int]]:
+        """Where the seam may be noticed, (x, y) on the canvas, px, the most visible first: the middles of
+        squares and pieces, none within 100 px of a more visible one.
+        """
+        found = self._visibilities
+        chosen = list[tuple[int, int]]()
+        for x, y, seen in found[np.argsort(-found[:, 2])]:
+            if seen > 1 and all(math.hypot(x - i, y - j) > _APART_PX for i, j in chosen):
+                chosen.append((round(x), round(y)))
+        return chosen
+
+    def is_noticed_near(self, x: float, y: float) -> bool:
+        """Test whether the seam may be noticed within 32 px of a place of the canvas."""
+        at_x, at_y, seen = self._visibilities.T
+        return bool((seen[np.hypot(at_x - x, at_y - y) <= _NEAR_PX] > 1).any())
+
+    @property
+    def _visibilities(self) -> npt.NDArray[np.float64]:
+        """(K, 3): x, y and visibility of each piece, or of each square if steps were not measured."""
+        if self._steps is not None:
+            return self._steps
+        if self._squares is None:
+            return np.array([[*(self.where or (0, 0)), self.visibility]])
+        return np.column_stack([self._squares[:, :2], 1 / np.maximum(self._squares[:, 2], 1e-9) - 1])
 
     def inside(self, box: tuple[int, int, int, int] | None) -> Verdict:
         """Judge the part of the seam inside a crop of the canvas, with places counted from its corner.

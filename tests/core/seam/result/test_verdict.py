@@ -34,6 +34,21 @@ def test_it_names_the_place_on_the_canvas():
     assert seam.summary()["look_at"] == [x, y]
 
 
+def test_it_lists_all_places_that_may_be_noticed():
+    a = np.full((400, 60), 0.5)
+    b = a.copy()
+    b[80:96] = 0.9  # bands that no seam gets round
+    b[280:304] = 0.7
+    verdict = ts.find_seam(a, b).verdict
+    (_, first), (_, second) = verdict.places
+    assert 72 <= first <= 104
+    assert 272 <= second <= 312
+    assert verdict.places[0] == verdict.where
+    assert verdict.is_noticed_near(*verdict.where)
+    assert not verdict.is_noticed_near(30, 190)
+    assert ts.find_seam(a, a).verdict.places == []
+
+
 def test_seams_of_any_law_and_method_are_judged_alike():
     a, b = np.random.default_rng(0).random((2, 60, 20))
     natural = ts.find_seam(a, b)

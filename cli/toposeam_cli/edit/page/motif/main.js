@@ -17,6 +17,7 @@ shell.on('state', head => {
   if (!motif) shell.say('');
   motif ??= new Motif(shell, offer);
   motif.take(head);
+  shell.steps(head); // bars that were just made know of no steps yet
 });
 shell.on('density', (head, blocks) => motif?.grown(head, blocks));
 shell.on('finishing', head => motif?.panels.finishing(head.share));

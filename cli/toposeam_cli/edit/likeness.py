@@ -92,7 +92,7 @@ class LikenessMap:
         at = np.nonzero((count > 0) & (self._likeness < UNSEEN))
         x, y, likeness = x[at] / count[at], y[at] / count[at], self._likeness[at]
         inside = (x >= box.left) & (x < box.right) & (y >= box.top) & (y < box.bottom)
-        found = np.stack([x, y, likeness], axis=1)[inside]
+        found: Floats = np.stack([x, y, likeness], axis=1)[inside]
         return found[np.argsort(found[:, 2], kind="stable")]
 
     def judge(self, steps: Floats, box: Box) -> Box:
@@ -152,7 +152,8 @@ class LikenessMap:
             if likeness[k] >= BAD or sum(not place.done for place in places) >= _MOST_PLACES:
                 break
             if all(_apart(at[k], place) for place in places):
-                places.append(SeamPlace(*at[k].tolist(), float(likeness[k]), bool(judged[k])))
+                x_at, y_at = at[k].tolist()
+                places.append(SeamPlace(x_at, y_at, float(likeness[k]), bool(judged[k])))
         return places[-2 * _MOST_PLACES :]
 
 

@@ -113,9 +113,7 @@ class Session:
         }
 
     def crop_to(self, box: Sequence[float]) -> None:
-        """Crop the result to left, top, width and height, px of the preview, and write this to disk. Undo
-        brings back the crop that was drawn before.
-        """
+        """Crop to left, top, width and height, px of the preview, and write this; Undo takes it back."""
         if self.opened.crop is not None:
             self._past.append(self._state())
             self._future.clear()

@@ -117,7 +117,7 @@ class MotifSession:
         recipe, done = sketch.recipe, message.get("done", True)
         start, kept = shown, _KEPT_PLACE
         if kind == "colours":
-            changed = self._coloured(message)
+            changed = _coloured(sketch, message)
             self._keep(changed, done=done, final=self._now.final)
             return None
         if kind == "dice":
@@ -272,18 +272,6 @@ class MotifSession:
                 )
         return dataclasses.replace(sketch, recipe=dataclasses.replace(recipe, layers=layers))
 
-    def _coloured(self, message: Mapping[str, Any]) -> Sketch:
-        sketch = self._now.sketch
-        inks = message["inks"]
-        layers = tuple(
-            dataclasses.replace(layer, ink=tuple(inks[index] if index < len(inks) else layer.ink))
-            for index, layer in enumerate(sketch.recipe.layers)
-        )
-        recipe = dataclasses.replace(
-            sketch.recipe, layers=layers, paper=tuple(message["paper"]), inking=message["inking"]
-        )
-        return dataclasses.replace(sketch, recipe=recipe)
-
     def _drawn(self, message: Mapping[str, Any]) -> Sketch:
         """Return the sketch with a source, a sink or a wall drawn, moved or erased."""
         sketch, kind = self._now.sketch, message["kind"]
@@ -320,6 +308,19 @@ def check_layers(recipe: Recipe) -> None:
             f"{len(recipe.layers)} inks are more than the page shows, which is {MOST_LAYERS}; change this "
             "motif by toposeam motif --like"
         )
+
+
+def _coloured(sketch: Sketch, message: Mapping[str, Any]) -> Sketch:
+    """Return a sketch with other inks, another paper or another way to print."""
+    inks = message["inks"]
+    layers = tuple(
+        dataclasses.replace(layer, ink=tuple(inks[index] if index < len(inks) else layer.ink))
+        for index, layer in enumerate(sketch.recipe.layers)
+    )
+    recipe = dataclasses.replace(
+        sketch.recipe, layers=layers, paper=tuple(message["paper"]), inking=message["inking"]
+    )
+    return dataclasses.replace(sketch, recipe=recipe)
 
 
 def _thrown(recipe: Recipe, message: Mapping[str, Any]) -> Recipe:

@@ -10,7 +10,8 @@ corner.
 FOLDER holds ``sets/NAME/*`` and ``pairs/NAME_l.*``, ``pairs/NAME_r.*``, which the command joins. Places where
 a fault of a seam was seen at 100 % are marks of this script; the other seams of these works were looked at,
 too. A verdict is right if it names a place within 64 px of one of them, or none where none is. Breaks were
-measured on the works lpam and lpc first, and kept for the others; thresholds of steps were set with all.
+first measured on the works lpam and lpc; all thresholds were then set with all works in view, so that new
+ones may fare worse.
 """
 
 from __future__ import annotations

@@ -179,10 +179,18 @@ def generate_solid(
             value=recipe.repeat,
             allowed=tuple(REPEATS),
         )
-    if recipe.base:
-        raise OptionError(
-            "a solid knows no base image; leave it out", kind="conflict", parameter=Term("base")
-        )
+    layer = recipe.layers[0]
+    for name, unknown in (
+        ("base", recipe.base),
+        ("outline", recipe.outline),
+        ("guide", recipe.guide),
+        ("one_piece", recipe.one_piece),
+        ("scale", layer.scale > 1),
+    ):
+        if unknown:
+            raise OptionError(
+                "a solid knows no {parameter}; leave it out", kind="conflict", parameter=Term(name)
+            )
     shape = (depth, *recipe.size)
     if math.prod(shape) > _MAX_CUBES or min(shape) < _MIN_SIDE:
         raise OptionError(

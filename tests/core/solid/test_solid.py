@@ -131,6 +131,8 @@ def test_what_makes_no_solid_is_said_in_one_sentence():
         ({"layers": 2}, 16, "count", "layers", None),
         ({"repeat": "p6"}, 16, "choice", "repeat", "p6"),
         ({"base": np.eye(8)}, 16, "conflict", "base", None),
+        ({"side": 64, "scale": 2}, 16, "conflict", "scale", None),
+        ({"one_piece": "ink"}, 16, "conflict", "one_piece", None),
         ({}, 10**6, "shape", "depth", 10**6),
     ],
 )

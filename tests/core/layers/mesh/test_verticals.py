@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from toposeam.layers import mesh
+from toposeam.layers.registration.bundle_adjustment import Bundle
+from toposeam.layers.registration.perspective import View, camera_transforms, level_down, rays_at
 
 FOCAL, SIZE = 400.0, (480, 360)
 GUESS = np.array([0.0, 1.0, 0.0])
@@ -33,23 +35,43 @@ def facade(lean):
     )
 
 
-def down_of(pictures):
-    def rays_of(number, points):
-        middle = (np.array(SIZE) - 1) / 2
-        return np.append((points - middle) / FOCAL, np.ones((len(points), 1)), axis=1)
+def down_of(pictures, bundle, guess):
+    return mesh.down_of(pictures, lambda *at: rays_at(bundle, *at), np.array([0.0, 0, 1]), guess)
 
-    return mesh.down_of(pictures, rays_of, np.array([0.0, 0, 1]), GUESS)
+
+def camera():
+    """Return the bundle of one camera, in whose frame the scene leans."""
+    return Bundle(
+        family="rotation",
+        sizes=np.array([SIZE, SIZE], float),
+        matrices=np.stack([np.diag([1 / FOCAL, 1 / FOCAL, 1])] * 2),
+        focals=np.full(2, FOCAL),
+        distortion=0.0,
+        middle=0,
+    )
 
 
 @pytest.mark.parametrize(("roll", "pitch"), [(0, 0), (3, 0), (-2, 4), (1, -4)])
 def test_columns_of_a_facade_say_which_way_is_down(roll, pitch):
     lean = turned(roll, pitch)
-    down = down_of([facade(lean)] * 2)
+    down = down_of([facade(lean)] * 2, camera(), GUESS)
     assert math.degrees(math.acos(min(1.0, down @ (lean.T @ GUESS)))) < 0.4
 
 
 def test_what_leans_much_or_has_no_lines_says_nothing():
-    assert down_of([facade(turned(25, 0))] * 2) is None
+    assert down_of([facade(turned(25, 0))] * 2, camera(), GUESS) is None
     noise = np.random.default_rng(0).integers(0, 255, SIZE[::-1], np.uint8)
-    assert down_of([noise] * 2) is None
-    assert down_of([np.full(SIZE[::-1], 90, np.uint8)] * 2) is None
+    assert down_of([noise] * 2, camera(), GUESS) is None
+    assert down_of([np.full(SIZE[::-1], 90, np.uint8)] * 2, camera(), GUESS) is None
+
+
+def test_columns_stand_upright_on_a_flat_canvas():
+    bundle, lean = camera(), turned(3, -4)
+    down = down_of([facade(lean)] * 2, bundle, level_down(bundle))
+    for view, leans in ((View(down=down, projection="flat"), False), (View(projection="flat"), True)):
+        (transform, _), _ = camera_transforms(bundle, view)
+        scene = np.array([[math.sin(yaw), y, math.cos(yaw)] for yaw in (-0.3, 0.3) for y in (-0.2, 0.2)])
+        seen = scene @ lean
+        pixels = seen[:, :2] / seen[:, 2:] * FOCAL + (np.array(SIZE) - 1) / 2
+        x = transform.to_canvas(pixels)[:, 0].reshape(2, 2)
+        assert (np.abs(x[:, 1] - x[:, 0]).max() > 3) == leans

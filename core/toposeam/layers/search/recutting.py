@@ -162,7 +162,7 @@ def _from_coarse(problem: Problem, start: Labels) -> Labels:
         level, moved = levels.pop(), square_dilation(labels != starts.pop(), _MOVED_REACH)
         shape = starts[-1].shape
         near = dense(opened_at(dense(beside_seams(labels)) & moved, level.labelling))
-        labels = np.where(doubled(moved, shape), doubled(labels, shape), starts[-1])
+        labels = np.where(dense(doubled(moved, shape)), dense(doubled(labels, shape)), starts[-1])
         level.labelling.make_allowed(labels)
         refine(level, labels, near, _ROUNDS)
     fuse(problem, labels, start)

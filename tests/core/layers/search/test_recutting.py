@@ -178,3 +178,10 @@ def test_strokes_hold_on_a_round_canvas():
     columns = np.arange(390 - 360 - 4, 398 - 360 - 2)
     assert (np.asarray(plain.label_map)[20:60, columns] != 2).any()
     assert (shown[25:55, 33] == 2).all()
+
+
+def test_a_canvas_larger_than_a_dense_map_is_searched_whole(joined, monkeypatch):
+    asked, _ = apply_strokes(joined.labelling, [drawn(joined, 1)], joined.canvas)
+    usual = ts.layers.recut(asked, joined.solution, whole=True).labels
+    monkeypatch.setattr("toposeam.layers.canvas.tile_map.DENSE_PIXELS", 1 << 12)
+    np.testing.assert_array_equal(ts.layers.recut(asked, joined.solution, whole=True).labels, usual)

@@ -205,6 +205,8 @@ class Fuzzer:
                 )
         if name == "generate_motif" and careful:
             keywords |= {"iterations": 2, "layers": 1}
+        if name == "join_motifs" and keywords.get("stages") == 8:
+            keywords["stages"] = 4  # eight, of forty iterations each, take 19 s
         return name, arguments, keywords
 
     def run(self, number):

@@ -6,7 +6,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 HERE = Path(__file__).parents[1]
@@ -127,22 +126,3 @@ def test_what_is_said_of_workers_is_one_measurement(monkeypatch):
     assert f"{workers.sizes(*workers.FRAMES)['picture']:.0f} megapixels" in text
     hours = [float(said[name].split()[0]) for name in said if name.startswith("time with")]
     assert hours == sorted(hours, reverse=True)
-
-
-def test_texture_times_in_the_text_match_the_table():
-    text = (HERE / "docs" / "texture.md").read_text(encoding="utf-8")
-    table, _, after = text.partition("By the clock, ")[2].partition("```\n")[2].partition("```")
-    ratios = np.array(
-        [re.findall(r"\d\.\d\d", line)[-3:] for line in table.splitlines()[1:] if "median" not in line], float
-    )
-    assert len(ratios) == 20
-    medians = re.findall(r"\d\.\d\d", table)[-3:]
-    assert list(map(float, medians)) == pytest.approx(np.median(ratios, axis=0).tolist(), abs=0.011)
-    one, two, command = medians
-    most = [f"{ratio:.2f}" for ratio in ratios.max(axis=0)]
-    said = (
-        f"One process takes {one} times as long as G'MIC on one thread in the median and {most[0]} times at "
-        f"most, two take {two} times as long and {most[1]} times at most, and whoever types the command "
-        f"waits {command} times as long."
-    )
-    assert said in after

@@ -1,11 +1,14 @@
 """Of the engine that is kept between calls: it answers again, recovers, and ends by itself."""
 
 import os
+import shutil
 import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import time
+from pathlib import Path
 
 import pytest
 from processes import living
@@ -18,8 +21,9 @@ pytestmark = pytest.mark.skipif(not hasattr(socket, "AF_UNIX"), reason="there ar
 
 
 @pytest.fixture
-def session(tmp_path, monkeypatch):
+def session(monkeypatch):
     """The folder of a session; the process that stands for GIMP, this process's parent for the plug-in."""
+    tmp_path = Path(tempfile.mkdtemp())  # pytest's are longer than the address of a socket may be
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     monkeypatch.setenv("TOPOSEAM_PYTHON", sys.executable)
     monkeypatch.setattr(folder.tempfile, "gettempdir", lambda: str(tmp_path))
@@ -30,6 +34,7 @@ def session(tmp_path, monkeypatch):
     gimp.kill()
     gimp.wait()
     wait_for(lambda: not sockets(tmp_path))
+    shutil.rmtree(tmp_path)
 
 
 def listening_in(folder):

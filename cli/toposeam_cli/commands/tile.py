@@ -124,7 +124,9 @@ def tile(
             )
 
         made = closed(picture, maps)
-        fit = None if cropped or size == "keep" else _border_fit(picture, tileable, made)
+        # a bend would turn the normals of a map
+        bends = size == "auto" and not cropped and not maps.has_normal
+        fit = _border_fit(picture, tileable, made) if bends else None
         if fit is not None:
             others = fit[0], maps.changed(partial(_bent, fit=fit[1], mixed=False))
             again = closed(*others)

@@ -41,6 +41,7 @@ from toposeam.motif.recipe.recipe import (
     LAWS,
     MAX_SIDE,
     MIN_SIDE,
+    ONE_PIECE,
     PLACES,
     LayerRecipe,
     Recipe,
@@ -373,6 +374,7 @@ def random_recipe(
     if base_law is None:
         base_law = "brightness" if styles[0] == "thesis" else "contrast"
     check_choice("base_law", base_law, LAWS)
+    check_choice("one_piece", one_piece, ONE_PIECE)
     packed = "" if base is None else pack_base(base)
     composed = _Composition.of(outline, place, scale, guide, layers, repeat, shape)
     shown = (

@@ -194,13 +194,13 @@ def test_bad_input(motifs, tmp_path, monkeypatch, toposeam, line, phrase, code):
 
 @pytest.mark.medium
 def test_a_rule_that_joined_motifs_cannot_keep_is_told(tmp_path, toposeam):
-    for rule in ("rotate", "pmm"):
+    for rule in ("brick", "pmm"):
         for seed in ("1", "2"):
             line = (*SMALL, "--repeat", rule, "--palette", "sea", "--seed", seed)
             assert toposeam("motif", "-o", tmp_path / f"{rule}{seed}.png", *line).code == 0
         files = [tmp_path / f"{rule}{seed}.png" for seed in (1, 2)]
         ran = toposeam("join", *files, "-o", tmp_path / f"{rule}.png", "--sheet", "1x1", "--stages", "1")
         assert ran.code == 0
-        assert ("not by rotate" in ran.err) == (rule == "rotate")
+        assert ("not by brick" in ran.err) == (rule == "brick")
     cell = read_picture(tmp_path / "pmm.png").pixels
     np.testing.assert_array_equal(cell, cell[::-1])

@@ -164,7 +164,7 @@ def places_in_picture(image: npt.ArrayLike, cell: tuple[int, int] = (1, 1)) -> F
     Examples
     --------
     >>> dot = np.ones((40, 40))
-    >>> dot[10:14, 20:24] = 0
+    >>> dot[11:13, 21:23] = 0
     >>> places_in_picture(dot).round(2).tolist()
     [[0.55, 0.3, 1.0]]
     """

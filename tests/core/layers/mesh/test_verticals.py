@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from toposeam.layers import mesh
+from toposeam.layers.registration import View, camera_transforms
 from toposeam.layers.registration.bundle_adjustment import Bundle
-from toposeam.layers.registration.perspective import View, camera_transforms, level_down, rays_at
+from toposeam.layers.registration.perspective import level_down, rays_at
 
 FOCAL, SIZE = 400.0, (480, 360)
 GUESS = np.array([0.0, 1.0, 0.0])

@@ -10,7 +10,7 @@ import numpy as np
 from scipy import ndimage
 
 from toposeam.arrays import Floats32, Mask
-from toposeam.motif.ink.one_piece import one_piece
+from toposeam.motif.ink.bridging import one_piece
 from toposeam.motif.ink.raster import Raster
 from toposeam.motif.ink.sampling import resample
 from toposeam.motif.motif import Motif

@@ -404,27 +404,28 @@ def _agrees(
     apart = np.linalg.norm(shown[2][shared[:, 1]] - first, axis=1)
     near = apart < 4 * ELSEWHERE * np.hypot(*a.size)
     fixed = np.mean(_at_one_place(first[inliers], second[inliers], (a.size, b.size))) > 0.5
-    whole = _agreement(shown[:2], first[near], a.size)
+    agreeing, busy = _agreement(shown[:2], first[near], a.size)
     least_fixed, least = _LEAST_AGREEING
     if not fixed:
-        return whole >= least
+        return agreeing >= least * busy
     reached = reach(PlaneTransform(matrix), b.size)
-    if reached is None or whole < least_fixed:
+    if reached is None or agreeing < least_fixed * busy:
         return False
     low, high = np.clip(reached, (0, 0), a.size)
     middle = [
         points[(np.abs(points - (low + high) / 2) <= (high - low) / 4).all(axis=1)]
         for points in (*shown[:2], first[near])
     ]
-    return _agreement(middle[:2], middle[2], a.size) > least
+    agreeing, busy = _agreement(middle[:2], middle[2], a.size)
+    return agreeing > least * busy
 
 
-def _agreement(shown: Sequence[Floats], agreeing: Floats, size: _Size) -> float:
-    """Return the share of the cells in which one of two pictures shows enough features that have a match that
-    agrees; of no cells 0.
+def _agreement(shown: Sequence[Floats], agreeing: Floats, size: _Size) -> tuple[int, int]:
+    """Count the cells in which one of two pictures shows enough features: those with a match that agrees, and
+    all.
     """
     busy = np.max([_counted(points, size) for points in shown], axis=0) >= _LEAST_FEATURES
-    return float((busy & (_counted(agreeing, size) > 0)).sum() / max(busy.sum(), 1))
+    return int((busy & (_counted(agreeing, size) > 0)).sum()), int(busy.sum())
 
 
 def at_one_place(a: FeatureSet, b: FeatureSet, shared: Indices) -> Mask:

@@ -1,5 +1,5 @@
+from .bridging import one_piece
 from .mixing import INKINGS, mix
-from .one_piece import one_piece
 from .palettes import PALETTES, Palette, palette
 from .pdf import draw_pdf
 from .printing import MAX_PATTERN, Inked, checked_size

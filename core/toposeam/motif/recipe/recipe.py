@@ -228,7 +228,7 @@ class Recipe:
     #: so that no paper shows where plates are not in register; below 0 they end before, and paper shows.
     trap: float = 0.0
     #: What is made one piece, one of `ONE_PIECE`: "ink" for a cut-out, "paper" for a stencil. See
-    #: :mod:`toposeam.motif.ink.one_piece`.
+    #: :mod:`toposeam.motif.ink.bridging`.
     one_piece: str = ""
     #: Least width of that piece, in hundredths of the cell's shorter side, 0.5 to 20.
     bridge: float = 2.0

@@ -251,3 +251,14 @@ def test_a_canvas_much_larger_than_its_pictures_is_told():
     assert large_canvas(layers, 30_000) == []
     (told,) = large_canvas([*layers, ts.Layer(np.zeros((100, 100)), at=(297, 297))], 39_000)
     assert told.startswith("the canvas of 397 × 397 px has 4.0 times as many pixels")
+
+
+def test_small_pictures_of_few_features_are_joined():
+    """No cell of their overlap shows enough features to contradict."""
+    rng, whole = np.random.default_rng(3), np.zeros((160, 300, 3))
+    for cell in (64, 32, 16, 8, 4):
+        coarse = rng.random((160 // cell + 3, 300 // cell + 3, 3))
+        whole += cell * ndimage.zoom(coarse, (cell, cell, 1), order=1)[:160, :300]
+    whole = (255 * (whole - whole.min()) / np.ptp(whole)).astype(np.uint8)
+    placement = ts.find_places([whole[:, :180].copy(), whole[8:, 120:].copy()])
+    assert len(placement.transforms) == 2

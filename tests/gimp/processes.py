@@ -1,5 +1,6 @@
 """The processes there are, as Linux tells. It lies here for those who start GIMP without pytest."""
 
+import time
 from pathlib import Path
 from typing import NamedTuple
 
@@ -42,3 +43,14 @@ def descendants(number):
         found += below
         waiting += [process.number for process in below]
     return found
+
+
+def wait_for(found, seconds=180):
+    """Wait until something is found."""
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        value = found()
+        if value:
+            return value
+        time.sleep(0.05)
+    raise AssertionError(f"waited for {seconds} s")

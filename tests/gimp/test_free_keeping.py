@@ -8,15 +8,18 @@ import subprocess
 import sys
 import tempfile
 import time
+from functools import partial
 from pathlib import Path
 
 import pytest
 from processes import living
+from processes import wait_for as wait_long
 
 from toposeam_engine import listening
 from toposeam_gimp.engine import folder, keeping, turns
 from toposeam_gimp.engine import process as engine
 
+wait_for = partial(wait_long, seconds=30)
 pytestmark = pytest.mark.skipif(not hasattr(socket, "AF_UNIX"), reason="there are no Unix sockets")
 
 
@@ -43,16 +46,6 @@ def listening_in(folder):
 
 def sockets(folder):
     return list(folder.glob("toposeam-engine-*"))
-
-
-def wait_for(found, seconds=30):
-    deadline = time.monotonic() + seconds
-    while time.monotonic() < deadline:
-        value = found()
-        if value:
-            return value
-        time.sleep(0.05)
-    raise AssertionError(f"waited for {seconds} s")
 
 
 def kept():

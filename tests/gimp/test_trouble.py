@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from inside import STITCH, refused, succeeded
 from pictures import photograph, write_png
+from processes import wait_for
 from running import Gimp, needs_gimp
 
 import toposeam as ts
@@ -82,16 +83,6 @@ def long_work(gimp, image, tmp_path):
     work.thread = thread
     yield work
     thread.join(180)
-
-
-def wait_for(found, seconds=180):
-    deadline = time.monotonic() + seconds
-    while time.monotonic() < deadline:
-        value = found()
-        if value:
-            return value
-        time.sleep(0.05)
-    raise AssertionError(f"waited for {seconds} s")
 
 
 def ended(process):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import gc
 import signal
-from collections import deque
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -13,6 +12,7 @@ import numpy as np
 
 from toposeam.layers.canvas.layer import Box
 from toposeam.sentence import sentence
+from toposeam_cli.edit.inbox import Inbox, Message
 from toposeam_cli.edit.messages import BY_HAND
 from toposeam_cli.edit.opening import PLACING, check_count
 from toposeam_cli.edit.preview import encoded, jpeg, small_print
@@ -29,43 +29,29 @@ def run(connection: Connection, work: Work) -> None:
         _Solver(connection, work).serve()
 
 
+def _grows_on(message: Message, newer: Message) -> bool:
+    """Test whether a message is of the same stroke, grown."""
+    return bool(message["kind"] == newer["kind"] == "stroke" and message["id"] == newer["id"])
+
+
 class _Solver:
     def __init__(self, connection: Connection, work: Work) -> None:
-        self._connection, self._work = connection, work
-        self._waiting: deque[dict[str, Any]] = deque()
+        self._inbox, self._work = Inbox(connection), work
+        self._say = self._inbox.say
         self._session: Session | None = None
 
     def serve(self) -> None:
         """Open the work, then answer messages one after another."""
         self._open()
         while True:
-            message = self._next()
+            message = self._inbox.next(_grows_on)
             try:
                 self._answer(message)
             except Exception as error:
                 self._say("failed", {"text": sentence(error)})
 
-    def _next(self) -> dict[str, Any]:
-        """Return the next message; of a stroke that grows only the newest counts."""
-        if not self._waiting:
-            self._waiting.append(self._connection.recv())
-        self._receive()
-        message = self._waiting.popleft()
-        while message["kind"] == "stroke" and self._waiting:
-            newer = self._waiting[0]
-            if newer["kind"] != "stroke" or newer["id"] != message["id"]:
-                break
-            message = self._waiting.popleft()
-        return message
-
-    def _receive(self) -> bool:
-        """Take in what has come; return whether a stroke waits."""
-        while self._connection.poll():
-            self._waiting.append(self._connection.recv())
-        return any(message["kind"] == "stroke" for message in self._waiting)
-
-    def _say(self, kind: str, head: dict[str, Any], blocks: list[bytes] | None = None) -> None:
-        self._connection.send((kind, head, blocks or []))
+    def _stroke_waits(self) -> bool:
+        return any(message["kind"] == "stroke" for message in self._inbox.receive())
 
     def _open(self, crop_by_hand: bool = False) -> None:
         """Show small pictures, place them, and show the seams, perhaps with a crop to be drawn."""
@@ -161,7 +147,7 @@ class _Solver:
             self._say("told", {"word": "nothing_differs"})
 
     def _settle(self, session: Session, own: dict[str, Any] | None = None) -> None:
-        self._change(session.settle(self._receive), {**(own or {}), "done": True})
+        self._change(session.settle(self._stroke_waits), {**(own or {}), "done": True})
         self._rest(session)
 
     def _choose(self, settings: dict[str, str]) -> None:

@@ -533,7 +533,7 @@ def _counts(value: int | Sequence[int], layers: int) -> list[int]:
     return [check_whole("scale", each, 1, 32) for each in values]
 
 
-def _check_count(values: Sequence[Any], layers: int, name: str) -> None:
+def _check_count(values: Sequence[Any] | npt.NDArray[Any], layers: int, name: str) -> None:
     if len(values) != layers:
         raise OptionError(
             "{parameter} is given for {count} layers, the motif has {wanted}; give one, or one for each",
@@ -574,15 +574,7 @@ def _layer_points(value: Any, index: int, layers: int, name: str) -> Points | No
     )
     if not per_layer:
         return items
-    if len(items) != layers:
-        raise OptionError(
-            "{parameter} is given for {count} layers, the motif has {wanted}; give one for each",
-            kind="count",
-            parameter=Term(name),
-            value=value,
-            count=len(items),
-            wanted=layers,
-        )
+    _check_count(items, layers, name)
     chosen: Points = items[index]
     return chosen
 
@@ -595,16 +587,7 @@ def _number(value: float | Sequence[float] | None, index: int, layers: int, draw
     values = check_numbers(name, value)
     if values.ndim == 0:
         return check_number(name, values)
-    if len(values) != layers:
-        raise OptionError(
-            "{parameter} is given for {count} layers, the motif has {wanted}; give one number"
-            " or one for each",
-            kind="count",
-            parameter=Term(name),
-            value=value,
-            count=len(values),
-            wanted=layers,
-        )
+    _check_count(values, layers, name)
     return check_number(name, values[index])
 
 

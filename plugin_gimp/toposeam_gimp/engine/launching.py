@@ -105,9 +105,7 @@ def started(
     OSError
         When there is no such program, or it does not start.
     """
-    program = find_program(command[0])
-    if program is None:
-        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), command[0])
+    program = _program(command[0])
     _sweep()
     folder = tempfile.mkdtemp(prefix=_PREFIX)
     try:
@@ -130,6 +128,14 @@ def started(
         shutil.rmtree(folder, ignore_errors=True)
 
 
+def _program(name: str) -> str:
+    """Return the full path of a program; raises FileNotFoundError where there is none."""
+    program = find_program(name)
+    if program is None:
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), name)
+    return program
+
+
 def leave_running(command: Sequence[str]) -> None:
     """Start a program that outlives this process, in the root folder; what it prints is dropped.
 
@@ -138,9 +144,7 @@ def leave_running(command: Sequence[str]) -> None:
     OSError
         When there is no such program, or it does not start.
     """
-    program = find_program(command[0])
-    if program is None:
-        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), command[0])
+    program = _program(command[0])
     nothing = subprocess.DEVNULL
     process = subprocess.Popen(  # noqa: S603 - a full path, and no shell
         [program, *command[1:]],

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import signal
 import time
-from collections import deque
 from collections.abc import Iterator, Sequence
 from multiprocessing.connection import Connection
 from typing import Any
@@ -19,6 +18,7 @@ from toposeam.motif.optimise import tile_size
 from toposeam.motif.recipe import Recipe
 from toposeam.motif.symmetry import HEXAGONAL
 from toposeam.sentence import sentence
+from toposeam_cli.edit.inbox import Inbox, Message
 from toposeam_cli.edit.motif.session import GrowthTask, MotifSession
 from toposeam_cli.edit.motif.work import MotifWork
 from toposeam_cli.files.writing import atomic_write
@@ -49,12 +49,18 @@ def run(connection: Connection, work: MotifWork) -> None:
         MotifSolver(connection, work).serve()
 
 
+def _is_dragged_on(message: Message, newer: Message) -> bool:
+    """Test whether a message continues the dragging of another one."""
+    names = ("kind", "layer", "name", "role", "index")
+    return message.get("done") is False and all(newer.get(name) == message.get(name) for name in names)
+
+
 class MotifSolver:
     """Answers the messages of a page."""
 
     def __init__(self, connection: Connection, work: MotifWork) -> None:
-        self._connection, self._work = connection, work
-        self._waiting: deque[dict[str, Any]] = deque()
+        self._inbox, self._work = Inbox(connection), work
+        self._say = self._inbox.say
         self._number, self._spoke = 0, 0.0
         self._resting = True
 
@@ -65,11 +71,11 @@ class MotifSolver:
         except Exception as error:
             self._say("refused", {"text": sentence(error)})
             while True:
-                self._connection.recv()
+                self._inbox.next(_is_dragged_on)
         self._describe()
         growing: Iterator[None] | None = self._grow(self._session.begin())
         while True:
-            if growing is not None and not self._receive():
+            if growing is not None and not self._inbox.receive():
                 growing = self._advanced(growing)
                 continue
             message = self._next()
@@ -97,32 +103,12 @@ class MotifSolver:
             return None
         return growing
 
-    def _next(self) -> dict[str, Any] | None:
+    def _next(self) -> Message | None:
         """Return the next message, or None after a rest; of what is dragged only the newest counts."""
-        if not self._waiting:
-            rests = self._resting and not self._session.final and self._is_cheap()
-            if rests and not self._connection.poll(_REST_S):
-                return None
-            self._waiting.append(self._connection.recv())
-        self._receive()
-        message = self._waiting.popleft()
-        while self._waiting and message.get("done") is False:
-            newer = self._waiting[0]
-            if any(
-                newer.get(name) != message.get(name) for name in ("kind", "layer", "name", "role", "index")
-            ):
-                break
-            message = self._waiting.popleft()
-        return message
-
-    def _receive(self) -> bool:
-        """Take in what has come; return whether a message waits."""
-        while self._connection.poll():
-            self._waiting.append(self._connection.recv())
-        return bool(self._waiting)
-
-    def _say(self, kind: str, head: dict[str, Any], blocks: list[bytes] | None = None) -> None:
-        self._connection.send((kind, head, blocks or []))
+        settles = self._resting and not self._session.final and self._is_cheap()
+        if settles and self._inbox.rests(_REST_S):
+            return None
+        return self._inbox.next(_is_dragged_on)
 
     def _answer(self, message: dict[str, Any], growing: Iterator[None] | None) -> Iterator[None] | None:
         """Answer a message; return what grows then."""
@@ -178,7 +164,7 @@ class MotifSolver:
         started = time.process_time()
 
         def report(share: float) -> None:
-            if self._receive():
+            if self._inbox.receive():
                 raise _NewerError
             self._say("finishing", {"share": round(share, 3)})
 

@@ -1,9 +1,8 @@
 // Pictures in textures, and a map of labels that says which shows: blended, seen through a lens, or as it was.
+import { program } from './program.js';
+
 const LOW = 8; // pixels of a low picture are so many of its own
 const RADIUS = 48; // px of the canvas over which tones are blended
-
-const VERTEX = `#version 300 es
-void main() { vec2 p = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4. - 1.; gl_Position = vec4(p, 0, 1); }`;
 
 const COMMON = `#version 300 es
 precision highp float; precision highp int; precision highp sampler2DArray; precision highp usampler2D;
@@ -82,8 +81,8 @@ export class Picture {
     this.labels = new Uint8Array(this.width * this.height);
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
     gl.bindVertexArray(gl.createVertexArray());
-    this.blend = this.program(BLEND);
-    this.view = this.program(VIEW);
+    this.blend = program(gl, BLEND);
+    this.view = program(gl, VIEW);
     this.shown = this.target(3);
     this.before = this.target(4);
   }
@@ -164,20 +163,6 @@ export class Picture {
     gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, texture, 0);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     return { unit, texture, frame };
-  }
-
-  program(fragment) {
-    const gl = this.gl, own = gl.createProgram();
-    for (const [kind, text] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, fragment]]) {
-      const shader = gl.createShader(kind);
-      gl.shaderSource(shader, text);
-      gl.compileShader(shader);
-      if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(shader));
-      gl.attachShader(own, shader);
-    }
-    gl.linkProgram(own);
-    const places = new Map();
-    return { own, at: name => { if (!places.has(name)) places.set(name, gl.getUniformLocation(own, name)); return places.get(name); } };
   }
 
   // Takes over labels, plus one, of a box [top, left, bottom, right].

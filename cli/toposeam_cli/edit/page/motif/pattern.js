@@ -1,11 +1,9 @@
 // Densities in textures, printed on one cell; the cell laid over the screen by its rule; colours on top.
+import { program } from '../program.js';
 import { UNIT } from './lattice.js';
 
 const MOST = 8, LEAST_SIDE = 256, MOST_SIDE = 2048;
 const WRAP = 0, MIRROR = 1, TURN = 2, ROWS = 3, COLUMNS = 4, ALONE = 5;
-
-const VERTEX = `#version 300 es
-void main() { vec2 p = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4. - 1.; gl_Position = vec4(p, 0, 1); }`;
 
 // Densities are interpolated by Catmull and Rom's cubic; strokes end where they cross a level.
 const PRINT = `#version 300 es
@@ -91,23 +89,9 @@ export class Pattern {
     this.canvas = canvas;
     const gl = this.gl = canvas.getContext('webgl2', { antialias: false, alpha: true, premultipliedAlpha: true, preserveDrawingBuffer: false });
     if (!gl) throw new Error('no WebGL 2');
-    this.print = this.program(PRINT);
-    this.view = this.program(VIEW);
+    this.print = program(gl, PRINT);
+    this.view = program(gl, VIEW);
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
-  }
-
-  program(fragment) {
-    const gl = this.gl, own = gl.createProgram();
-    for (const [kind, text] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, fragment]]) {
-      const shader = gl.createShader(kind);
-      gl.shaderSource(shader, text);
-      gl.compileShader(shader);
-      if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(shader));
-      gl.attachShader(own, shader);
-    }
-    gl.linkProgram(own);
-    const places = new Map();
-    return { own, at: name => { if (!places.has(name)) places.set(name, gl.getUniformLocation(own, name)); return places.get(name); } };
   }
 
   // Returns what is printed of densities: textures that `draw` shows. `reuse` is printed over.

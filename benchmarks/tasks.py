@@ -375,7 +375,7 @@ def undocumented(one: Task) -> list[str]:
 
 def table() -> list[list[str]]:
     """What docs/tasks.md shows of each task: its page, its commands, what was counted."""
-    rows = [["", "task", "page", "command", "commands", "dead ends met", "minutes"]]
+    rows = [["", "task", "page", "commands", "tried", "dead ends", "minutes"]]
     for number, (one, counted) in enumerate(zip(TASKS, COUNTED, strict=True), 1):
         pages = ", ".join(
             f"[{Path(page).stem}]({page.removeprefix('docs/') if page.startswith('docs/') else f'../{page}'})"

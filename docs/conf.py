@@ -109,12 +109,18 @@ def _finish(app: Sphinx, page: str, template: str, context: dict[str, Any], doct
     if "body" not in context:
         return
     body = re.sub(r"\s–\s*(?=</p>)", "", context["body"])
-    body = re.sub(r"<td>(?=(?:[^<]|<(?!/td)){80})", '<td class="long">', body)
+    body = re.sub(r"<td>(.*?)</td>", _with_room, body, flags=re.DOTALL)
     body = re.sub(r'<img (?=[^>]*src="[^"]*/([^"/]+)")', _with_title, body)
     parts = re.split(r"(<a [^>]*>.*?</a>)", body, flags=re.DOTALL)
     picture = re.compile(r'<img [^>]*src="([^"]+)"[^>]*>')
     parts[::2] = [picture.sub(r'<a class="picture" href="\1">\g<0></a>', part) for part in parts[::2]]
     context["body"] = "".join(parts)
+
+
+def _with_room(found: re.Match[str]) -> str:
+    """A cell of a table, marked where its text is long."""
+    long = len(re.sub(r"<[^>]*>", "", found[1]).strip()) > 80
+    return f'<td class="long">{found[1]}</td>' if long else found[0]
 
 
 def _with_title(found: re.Match[str]) -> str:

@@ -18,6 +18,7 @@ from latex2mathml.converter import convert
 from pygments.lexers.shell import BashLexer
 from pygments.token import Name
 from sphinx.application import Sphinx
+from sphinx.ext.napoleon.docstring import NumpyDocstring
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "docs"))
@@ -76,10 +77,16 @@ class Commands(BashLexer):
 def setup(app: Sphinx) -> None:
     """Formulas as MathML, which browsers draw by themselves; the reference from what the package offers."""
     app.add_lexer("sh", Commands)
+    setattr(NumpyDocstring, "_consume_inline_attribute", _sentences)  # noqa: B010 - it has no option for this
     app.add_html_math_renderer("mathml", inline_renderers=(_inline, None), block_renderers=(_block, None))
     app.connect("builder-inited", lambda app: write_reference(ROOT / "docs/reference"))
     app.connect("html-page-context", _finish)
     app.connect("build-finished", _front_door)
+
+
+def _sentences(docstring: Any) -> tuple[str, list[str]]:
+    """What is said of an attribute: napoleon takes what stands before a colon for a type."""
+    return "", NumpyDocstring(docstring._consume_to_end(), docstring._config).lines()
 
 
 html_math_renderer = "mathml"

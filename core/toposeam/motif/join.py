@@ -317,10 +317,9 @@ def _with_even_borders(
         for axis in (0, 1):
             worst = _laid_visibility([motifs[each] for each in own], index, axis)
             beside = beside_weight(shape, axis, shared)
-            changes = [
-                (border_weight(shape, axis, repeat, width), range(len(first))) for width in _TRIED_WIDTHS
-            ]
-            changes += [(beside, (each,)) for each in own]
+            everyone = list(range(len(first)))
+            changes = [(border_weight(shape, axis, repeat, width), everyone) for width in _TRIED_WIDTHS]
+            changes += [(beside, [each]) for each in own]
             for weight, changed in changes:
                 if worst <= _EVEN_ENOUGH:
                     break

@@ -170,9 +170,9 @@ def _rows_between(coefficients: Floats, places: Floats) -> Floats:
     """Interpolate rows of a spline, (n + 3, n + 3) with its margins: (places, n + 3)."""
     whole, weights = _spline_weights(places)
     rows = whole % (len(coefficients) - 3)
-    lines: Floats = sum(
-        weight[:, np.newaxis] * coefficients[rows + tap] for tap, weight in enumerate(weights)
-    )
+    lines = np.zeros((len(places), coefficients.shape[1]))
+    for tap, weight in enumerate(weights):
+        lines += weight[:, np.newaxis] * coefficients[rows + tap]
     return lines
 
 
@@ -181,8 +181,9 @@ def _columns_between(lines: Floats, places: Floats, moved: Ints) -> Floats:
     whole, weights = _spline_weights(places)
     wide = lines.shape[1]
     at = (whole[:, np.newaxis] + moved) % (wide - 3) + wide * np.arange(len(lines))[:, np.newaxis]
-    flat = lines.ravel()
-    found: Floats = sum(weight[:, np.newaxis] * flat[tap:].take(at) for tap, weight in enumerate(weights))
+    flat, found = lines.ravel(), np.zeros(at.shape)
+    for tap, weight in enumerate(weights):
+        found += weight[:, np.newaxis] * flat[tap:].take(at)
     return found
 
 

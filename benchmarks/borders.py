@@ -3,7 +3,8 @@
     python benchmarks/borders.py [--size 96] [--pairs 40] [--write]
 
 Prints how conspicuous borders are, in units of the 95th percentile of inner lines
-(`ts.motif.border_visibility`), per ink and in the composite. Of lines that are nothing special one in twenty
+(`ts.motif.border_visibility`), and the straight edges along them (`ts.motif.border_edges`), per ink and in
+the composite. Of lines that are nothing special one in twenty
 is above 1, so of the larger of two directions about one in ten: "anywhere" is the control, the same patterns
 with the cells laid elsewhere. Joins are measured as they are made, and by the thesis's way, `shared=0`.
 ``--write`` puts the table into docs/motifs.md.
@@ -22,16 +23,21 @@ from toposeam.motif.symmetry.tiling import period
 from written import write_table
 
 
-def values(layers: np.ndarray, image: np.ndarray, cell: tuple[int, int]) -> list[float]:
-    """Of every ink, and of the composite."""
-    return [ts.motif.border_visibility(plane, cell) for plane in (*layers, image)]
+def values(layers: np.ndarray, image: np.ndarray, cell: tuple[int, int]) -> list[tuple[float, float]]:
+    """Return visibility and edges of every ink, and of the composite."""
+    return [
+        (ts.motif.border_visibility(plane, cell), ts.motif.border_edges(plane, cell))
+        for plane in (*layers, image)
+    ]
 
 
-def report(name: str, found: list[float]) -> tuple[str, str, str, str]:
+def report(name: str, found: list[tuple[float, float]]) -> tuple[str, ...]:
     """Print a line, and return it as the cells of a row."""
-    worst = np.array(found)
-    cells = f"{np.median(worst):.2f}", f"{worst.max():.2f}", f"{(worst > 1).sum()} of {worst.size}"
-    print(f"{name:<36}{cells[0]:>8}{cells[1]:>8}{cells[2]:>12}", flush=True)
+    cells: list[str] = []
+    for all_of_one in np.array(found).T:
+        above = f"{(all_of_one > 1).sum()} of {all_of_one.size}"
+        cells += [f"{np.median(all_of_one):.2f}", f"{all_of_one.max():.2f}", above]
+    print(f"{name:<36}" + "".join(f"{cell:>14}" for cell in cells), flush=True)
     return name, *cells
 
 
@@ -41,15 +47,16 @@ def main() -> None:
     parser.add_argument("--pairs", type=int, default=40)
     parser.add_argument("--write", action="store_true")
     given = parser.parse_args()
-    rows = [("", "median", "worst", "above 1")]
-    print(f"{'':<36}{'median':>8}{'worst':>8}{'above 1':>12}")
-    every: list[float] = []
-    anywhere: list[float] = []
+    head = ("median", "worst", "above 1", "edges: median", "worst", "above 1")
+    rows = [("", *head)]
+    print(f"{'':<36}" + "".join(f"{each:>14}" for each in head))
+    every: list[tuple[float, float]] = []
+    anywhere: list[tuple[float, float]] = []
     rng = np.random.default_rng(0)
     for rule in ts.motif.REPEATS[1:]:
         found = []
         for seed in range(3):
-            motif = ts.generate_motif(given.size, repeat=rule, seed=seed)
+            motif = ts.motif(given.size, repeat=rule, seed=seed)
             counts, cell = period(rule), (motif.densities.shape[1], motif.densities.shape[2])
             layers, image = ts.motif.repeat_densities(motif, counts), ts.repeat(motif, counts)
             found += values(layers, image, cell)

@@ -115,7 +115,7 @@ def measured(recipe: ts.motif.Recipe, stranger: ts.motif.Recipe, recipes: bool) 
     if recipes:
         masses = [each.mass for each in recipe.layers]
         started = time.process_time()
-        made = ts.generate_motif(recipe)
+        made = ts.motif(recipe)
         found["recipe"] = time.process_time() - started
         own = made.densities if made.lattice is None else made.lattice
         *_, other = ts.motif.grow(stranger)

@@ -332,7 +332,7 @@ def motifs() -> Iterator[Case]:
 
         def prepare(number: int = number, repeat: str = repeat) -> Prepared:
             def run() -> Any:
-                return ts.generate_motif((64, 96)[number % 2], repeat=repeat, layers=2, seed=number)
+                return ts.motif((64, 96)[number % 2], repeat=repeat, layers=2, seed=number)
 
             def judge(motif: Any) -> Figures:
                 total = 0.0

@@ -57,13 +57,13 @@ def main() -> None:
         counts = np.zeros(3, int)
         for seed in asked.seeds:
             given = {"layers": 1, "repeat": rule, "seed": seed, "palette": "sumi"}
-            motif = ts.generate_motif(asked.size, edge="crisp", **given)
+            motif = ts.motif(asked.size, edge="crisp", **given)
             rows, columns = motif.densities.shape[1:]
             for fine in (1, 2):
                 covered = tile(motif.coverage((fine * rows, fine * columns)), rule, (2, 2))[0]
                 counts[0] += specks(covered <= 0.5, SPECK * fine**2, 1)
                 counts[1] += specks(covered > 0.5, SPECK * fine**2, 2)
-            wash = ts.generate_motif(asked.size, penalty=1.1, edge="soft", **given)
+            wash = ts.motif(asked.size, penalty=1.1, edge="soft", **given)
             counts[2] += fine_lines(tile(wash.coverage(), rule, (2, 2))[0])
         kind = "rules with mirrors" if any(mirror_places(rule)) else "rules without"
         totals[kind] += counts

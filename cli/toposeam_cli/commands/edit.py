@@ -18,8 +18,8 @@ from toposeam_cli.files.writing import PICTURE_SUFFIXES, check_output
 if TYPE_CHECKING:
     from toposeam_cli.edit.server import Pages
 
-#: Extensions of what *Save* writes of a motif: those of ``toposeam motif``, and its recipe.
-MOTIF_SUFFIXES = (".png", ".tif", ".tiff", ".svg", ".pdf", ".toml")
+#: Extensions of what *Save* writes of a motif: those of ``toposeam motif``, its recipe, and its growth.
+MOTIF_SUFFIXES = (".png", ".tif", ".tiff", ".svg", ".pdf", ".toml", ".webp", ".mp4")
 
 
 @click.command(cls=Command)
@@ -67,7 +67,7 @@ def edit(
     def opened(address: str) -> None:
         say(address)
         if not no_browser:
-            say("Ctrl-C ends it; strokes are kept.", err=True)
+            say("Ctrl-C ends it; what you did is kept.", err=True)
             webbrowser.open(address)
 
     def pages(end: Callable[[], None]) -> Pages:

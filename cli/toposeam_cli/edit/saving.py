@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -14,11 +13,11 @@ from toposeam_cli.files.interruption import terminations_raised
 
 
 def run(connection: Connection, command: str, words: list[str], output: Path) -> None:
-    """Write a file by a command, and say how far it is, whether it is done, or why not."""
+    """Run a command that writes a file, and say how far it is, whether it is done, or why not."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server ends this process by SIGTERM
     try:
         with terminations_raised(), listening(lambda label, share: connection.send(("saving", label, share))):
-            load(command).main([*words, "-o", os.fspath(output)], standalone_mode=False)
+            load(command).main(words, standalone_mode=False)
     except Exception as error:
         connection.send(("failed", sentence(error), 0.0))
     else:

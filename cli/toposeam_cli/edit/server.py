@@ -315,7 +315,8 @@ class Hub(Pages):
         words = [str(self.work.layout), "--force"]
         if self.output is not None:
             words += ["--save-layout", str(self.output.with_suffix(".toml"))]
-        self._write("stitch", words, self.output or self.work.folder / f"joined.{suffix}")
+        target = self.output or self.work.folder / f"joined.{suffix}"
+        self._write("stitch", [*words, "-o", str(target)], target)
 
 
 def application(hub: Pages, token: str, port: int) -> Starlette:

@@ -12,7 +12,8 @@ import numpy.typing as npt
 from toposeam.arrays import Floats, Floats32
 from toposeam.checks import check_range, check_whole, options_from
 from toposeam.motif.finishing import spread_copies
-from toposeam.motif.generate import MAX_MEGAPIXELS, RecipeKeywords, generate_motif, make_motif
+from toposeam.motif.generate import MAX_MEGAPIXELS, RecipeKeywords, make_motif
+from toposeam.motif.generate import motif as generate
 from toposeam.motif.ink.sampling import resample
 from toposeam.motif.ink.svg import SvgKeywords, SvgOptions, draw_frames
 from toposeam.motif.motif import Motif
@@ -177,7 +178,7 @@ def animate(
     Parameters
     ----------
     source, max_megapixels, progress, **options
-        As of :func:`toposeam.generate_motif`.
+        As of :func:`toposeam.motif`.
 
     Returns
     -------
@@ -199,5 +200,5 @@ def animate(
     def watch(layer: int, density: Floats) -> None:
         steps.setdefault(layer, []).append(density.astype(np.float32))
 
-    motif = generate_motif(source, max_megapixels=max_megapixels, progress=progress, watch=watch, **options)
+    motif = generate(source, max_megapixels=max_megapixels, progress=progress, watch=watch, **options)
     return Animation(motif=motif, steps=tuple(tuple(steps[index]) for index in range(len(motif.inks))))

@@ -189,7 +189,7 @@ def smooth_row_borders(
     row = list(fields)
     for axis in (0, 1) * _PASSES:
         prints = _prints(row, edges, repeat, given)
-        on, beside = border_weight(row[0].shape, axis, repeat), _beside_weight(row[0].shape, axis, shared)
+        on, beside = border_weight(row[0].shape, axis, repeat), beside_weight(row[0].shape, axis, shared)
         each = list(zip(row, prints, strict=True))
         if shared:
             row = _balance(row, on, axis, prints, repeat)
@@ -321,7 +321,7 @@ def _scale_until_even(
     return changed
 
 
-def _beside_weight(shape: tuple[int, ...], axis: int, shared: int) -> Floats:
+def beside_weight(shape: tuple[int, ...], axis: int, shared: int) -> Floats:
     """Return a weight that is 1 on the rows that a border is compared with, and 0 on shared rows."""
     side = shape[axis]
     away = np.minimum(np.arange(side), np.arange(side)[::-1]) + 0.5

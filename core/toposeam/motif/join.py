@@ -28,8 +28,13 @@ from toposeam.arrays import Floats
 from toposeam.checks import check_function, check_items, check_kind, check_range, check_whole
 from toposeam.display import to_png
 from toposeam.errors import OptionError, Term
-from toposeam.motif.arrangement import arrange
-from toposeam.motif.border_smoothing import border_weight, smooth_row_borders, smooth_wash_borders
+from toposeam.motif.arrangement import arrange, random_arrangement
+from toposeam.motif.border_smoothing import (
+    beside_weight,
+    border_weight,
+    smooth_row_borders,
+    smooth_wash_borders,
+)
 from toposeam.motif.generate import make_motif
 from toposeam.motif.ink.stroke_repair import repair_strokes
 from toposeam.motif.motif import Motif
@@ -254,7 +259,7 @@ def join_motifs(
     motifs = (
         made(layers)
         if weight == 0 and shared == 0
-        else _with_even_borders(layers, made, [member.stage == 1 for member in row])
+        else _with_even_borders(layers, made, [member.stage == 1 for member in row], shared)
     )
     return JoinedMotifs(motifs=tuple(motifs), stages=tuple(member.stage for member in row), weight=weight)
 
@@ -297,32 +302,39 @@ def _with_even_borders(
     layers: list[list[npt.NDArray[np.float32]]],
     made: Callable[[list[list[npt.NDArray[np.float32]]]], list[Motif]],
     first: Sequence[bool],
+    shared: int,
 ) -> list[Motif]:
     """Return the motifs of layers, each a list of densities, whose borders show least where they are laid.
 
     Where a border shows more than the lines inside, all motifs get a common factor along it, and the best of
-    some factors is kept; which one the `first` motifs say, so that further stages do not change them.
+    some factors is kept. Where that is not enough, each of the `first` motifs gets one of its own beside the
+    `shared` rows. The `first` motifs alone say which, so that further stages do not change them.
     """
+    own = list(compress(range(len(first)), first))
     motifs = made(layers)
     for index in range(len(layers)):
+        shape, repeat = layers[index][0].shape, motifs[0].repeat
         for axis in (0, 1):
-            worst = _laid_visibility(list(compress(motifs, first)), index, axis)
-            if worst <= _EVEN_ENOUGH:
-                continue
-            shape, repeat = layers[index][0].shape, motifs[0].repeat
-            before = layers[index]
-            for width in _TRIED_WIDTHS:
-                bump = border_weight(shape, axis, repeat, width)
-                for power in _TRIED_POWERS:
-                    factor = np.exp(power * bump)
-                    tried = list(layers)
-                    tried[index] = [_scaled(one, factor, repeat) for one in before]
-                    found = made(tried)
-                    shown = _laid_visibility(list(compress(found, first)), index, axis)
-                    if shown < worst:
-                        motifs, layers, worst = found, tried, shown
+            worst = _laid_visibility([motifs[each] for each in own], index, axis)
+            beside = beside_weight(shape, axis, shared)
+            everyone = list(range(len(first)))
+            changes = [(border_weight(shape, axis, repeat, width), everyone) for width in _TRIED_WIDTHS]
+            changes += [(beside, [each]) for each in own]
+            for weight, changed in changes:
                 if worst <= _EVEN_ENOUGH:
                     break
+                before = layers[index]
+                for power in _TRIED_POWERS:
+                    factor = np.exp(power * weight)
+                    tried = list(layers)
+                    tried[index] = [
+                        _scaled(one, factor, repeat) if each in changed else one
+                        for each, one in enumerate(before)
+                    ]
+                    found = made(tried)
+                    shown = _laid_visibility([found[each] for each in own], index, axis)
+                    if shown < worst:
+                        motifs, layers, worst = found, tried, shown
     return motifs
 
 
@@ -336,14 +348,11 @@ def _scaled(density: npt.NDArray[np.float32], factor: Floats, repeat: str) -> np
 
 def _laid_visibility(motifs: list[Motif], layer: int, axis: int) -> float:
     """Compute how far borders across an axis show, as lines or as edges, of one ink, in random patterns."""
-    worst = 0.0
-    for seed in range(_LAID):
-        laid = arrange(motifs, (4, 4), seed=seed)
-        inked = laid.coverage_of(layer)
-        side = motifs[0].densities.shape[1 + axis]
-        inked = inked if axis == 0 else inked.T
-        worst = max(worst, line_visibility(inked, side), edge_visibility(inked, side))
-    return worst
+    grids = [random_arrangement((4, 4), len(motifs), seed=seed) for seed in range(_LAID)]
+    inked = arrange(motifs, np.concatenate(grids, axis=1 - axis)).coverage_of(layer)
+    side = motifs[0].densities.shape[1 + axis]
+    patterns = np.split(inked if axis == 0 else inked.T, _LAID, axis=1)
+    return max(max(line_visibility(each, side), edge_visibility(each, side)) for each in patterns)
 
 
 def _blend(a: Recipe, b: Recipe, share: float) -> Recipe:

@@ -20,7 +20,7 @@ from toposeam.motif.recipe import unpack_base
 from toposeam_cli.edit.messages import MessageError
 from toposeam_cli.edit.motif import solver
 from toposeam_cli.edit.motif.hub import MotifPages, save_words
-from toposeam_cli.edit.motif.messages import parsed
+from toposeam_cli.edit.motif.messages import GROWTHS, parsed
 from toposeam_cli.edit.motif.session import MotifSession
 from toposeam_cli.edit.motif.sketch import Sketch, Wall, erased
 from toposeam_cli.edit.motif.work import MotifWork, motif_work
@@ -229,8 +229,17 @@ def test_a_save_is_a_command_that_anybody_can_repeat(tmp_path):
     wanted = {"columns": 3, "rows": 2, "width": 100, "height": 173}
     source = tmp_path / "save.toml"
     words = save_words(wanted, source, tmp_path / "fall.png")
-    assert words == ["--from", str(source), "--force", "--sheet", "3x2", "--pixels", "300x346"]
+    assert words[:-2] == ["--from", str(source), "--force", "--sheet", "3x2", "--pixels", "300x346"]
+    assert words[-2:] == ["-o", str(tmp_path / "fall.png")]
     assert "--pixels" not in save_words(wanted, source, tmp_path / "fall.svg")
+
+
+@pytest.mark.parametrize("ending", GROWTHS)
+def test_growth_is_saved_beside_a_picture(tmp_path, ending):
+    wanted = {"columns": 1, "rows": 1, "width": 100, "height": 100, "format": ending[1:]}
+    target = tmp_path / f"motif{ending}"
+    words = save_words(wanted, tmp_path / "save.toml", target)
+    assert words[-4:] == ["--animate", str(target), "-o", str(tmp_path / "save.png")]
 
 
 def listened(connection, kind, until=lambda head: True, most=600):

@@ -223,6 +223,12 @@ def test_what_is_saved_is_what_the_command_makes(works, recipe, tmp_path):
                 page.keyboard.press("Control+s")
             found[suffix] = tmp_path / f"saved.{suffix}"
             download.value.save_as(found[suffix])
+        page.fill("#px", "48")
+        page.select_option("#set-format", "webp")
+        with page.expect_download(timeout=120_000) as download:
+            page.keyboard.press("Control+s")
+        with Image.open(download.value.path()) as growing:
+            assert (growing.format, growing.size, growing.n_frames > 10) == ("WEBP", (48, 48), True)
         assert page.errors == []
     for suffix, more in (("png", ["--pixels", "1024x1024"]), ("svg", [])):
         again = tmp_path / f"again.{suffix}"

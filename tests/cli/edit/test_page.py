@@ -121,7 +121,7 @@ def test_kill_and_resume(works, layout):
         shown = page.evaluate(DIGEST)
         running.send_signal(signal.SIGKILL)
         running.wait()
-        until(page, "document.querySelector('#banner')?.textContent.includes('strokes are kept')")
+        until(page, "document.querySelector('#banner')?.textContent.includes('What you did is kept')")
     with program(layout, works=works) as (_, address), chromium() as context:
         page = opened(context, address)
         assert page.evaluate(DIGEST) == shown

@@ -88,6 +88,18 @@ def test_a_shared_border_joins_any_motif_to_any():
         assert ts.motif.border_mismatch(motifs[0], other) < 1.5
 
 
+@pytest.mark.slow
+def test_borders_of_wash_beside_strokes_do_not_show():
+    given = {"layers": 2, "repeat": "translate", "palette": "sea", "iterations": 25}
+    recipes = [ts.motif.random_recipe(96, seed=seed, **given) for seed in (1, 5)]
+    joined = ts.motif.join_motifs(recipes)
+    assert len({tuple(motif.edges) for motif in joined.motifs}) == 2
+    for seed in (300, 301, 302):  # one factor for both leaves 1.17
+        laid = ts.motif.arrange(joined.motifs, (4, 4), seed=seed)
+        for plane in (*laid.coverage(), laid.image()):
+            assert ts.motif.border_visibility(plane, (96, 96)) <= 1
+
+
 @pytest.mark.medium
 @pytest.mark.parametrize("shared", [0, 3])
 def test_every_motif_keeps_its_mass(shared):

@@ -11,7 +11,7 @@ from toposeam.motif.ink import palette
 from toposeam.sentence import sentence
 from toposeam_cli.edit.messages import packed
 from toposeam_cli.edit.motif import solver
-from toposeam_cli.edit.motif.messages import MOST_LAYERS, SLIDERS, parsed
+from toposeam_cli.edit.motif.messages import GROWTHS, MOST_LAYERS, SLIDERS, parsed
 from toposeam_cli.edit.motif.work import MotifWork
 from toposeam_cli.edit.processes import Worker
 from toposeam_cli.edit.server import Mirror, Page, Pages
@@ -104,7 +104,7 @@ class MotifPages(Pages):
 
 
 def save_words(wanted: dict[str, Any], source: Path, target: Path) -> list[str]:
-    """Return the options of ``toposeam motif`` that a save stands for.
+    """Return the options of ``toposeam motif`` that a save stands for; growth is saved beside a picture.
 
     Parameters
     ----------
@@ -117,4 +117,6 @@ def save_words(wanted: dict[str, Any], source: Path, target: Path) -> list[str]:
     words = ["--from", str(source), "--force", "--sheet", f"{columns}x{rows}"]
     if target.suffix.lower() not in DRAWINGS:
         words += ["--pixels", f"{columns * wanted['width']}x{rows * wanted['height']}"]
-    return words
+    if target.name.lower().endswith(GROWTHS):
+        return [*words, "--animate", str(target), "-o", str(source.with_suffix(".png"))]
+    return [*words, "-o", str(target)]

@@ -19,7 +19,9 @@ from toposeam_cli.edit.messages import (
 
 #: Most inks of a motif on the page: two textures of four channels hold them.
 MOST_LAYERS = 8
-FORMATS = ("png", "tif", "svg", "pdf", "toml")
+#: Endings of files that show the motif growing, and all kinds of files that are saved.
+GROWTHS = (".webp", ".mp4", ".growing.svg")
+FORMATS = ("png", "tif", "svg", "pdf", "toml", *(ending[1:] for ending in GROWTHS))
 #: Sliders, and the ranges of their values.
 SLIDERS = {"mass": (0.05, 0.7), "ambient": (0.0, 1.0), "penalty": (1.0, 6.0), "filter_radius": (0.0, 8.0)}
 #: Most motifs across and down a saved sheet, and px of one.

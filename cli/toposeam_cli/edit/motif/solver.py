@@ -169,7 +169,7 @@ class MotifSolver:
             self._say("finishing", {"share": round(share, 3)})
 
         try:
-            made = ts.generate_motif(self._session.recipe, progress=report)
+            made = ts.motif(self._session.recipe, progress=report)
         except _NewerError:
             self._say("finishing", {"share": 0.0})
             return

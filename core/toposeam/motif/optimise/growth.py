@@ -34,7 +34,10 @@ from toposeam.motif.recipe.recipe import Recipe
 from toposeam.motif.symmetry.rules import HEXAGONAL, joint
 
 #: Most iterations on three plates from coarse to fine: from nothing, and from densities that are shown.
-_COUNTS, _WARM_COUNTS = (14, 10, 6), (0, 8, 5)
+_COUNTS, _WARM_COUNTS = (14, 12, 4), (0, 8, 5)
+#: Mean change of the density in one iteration below which a layer has settled: fifteen of what iterate forty
+#: times are as good as all, by less than a hundredth of the inked elements.
+_SETTLED = 1e-4
 _DENSITIES = "a sequence of (h, w) arrays in [0, 1]"
 
 
@@ -142,15 +145,23 @@ def _grown(
             layers.append(_on_plate(own, shape, coarser, given, kept, plans[index][number]))
         for left in range(most, 0, -1):
             with one_thread():
-                _step(layers, left)
-            done += 1
+                moved = _step(layers, left)
+            settled = number == len(shapes) - 1 and moved < _SETTLED
+            done = total if settled else done + 1
             yield Growth(densities=tuple(each.density for each in layers), share=done / total)
+            if settled:
+                return
 
 
-def _step(layers: list[_Layer], left: int) -> None:
-    """Take one iteration of every layer that has as many left; each avoids those before it as they are."""
+def _step(layers: list[_Layer], left: int) -> float:
+    """Take one iteration of every layer that has as many left; each avoids those before it as they are.
+
+    Returns the largest mean change of a layer's density.
+    """
     taken: Floats | None = None
+    moved = 0.0
     for each in layers:
+        before = each.density
         own = each.recipe.layers[0]
         if taken is not None and own.avoid:
             free = each.problem.left_free(own, each.recipe, each.recipe.size, taken, each.problem.domain)
@@ -161,7 +172,9 @@ def _step(layers: list[_Layer], left: int) -> None:
                 each.problem, each.recipe, each.density, each.temperature
             )
             each.left -= 1
+        moved = max(moved, float(np.abs(each.density - before).mean()))
         taken = each.density if taken is None else taken + each.density
+    return moved
 
 
 def _on_plate(

@@ -7,12 +7,13 @@ by translation.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import gcd
 
 import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import map_coordinates, spline_filter, uniform_filter1d
 
-from toposeam.arrays import Floats
+from toposeam.arrays import Floats, Ints
 from toposeam.heat.plate_triangles import TrianglePlate
 from toposeam.motif.optimise.conduction import SPOT_RADIUS, LayerProblem, filter_radius, power, void_of
 from toposeam.motif.recipe.recipe import LayerRecipe, Point, Recipe
@@ -147,18 +148,61 @@ def to_tile(lattice: npt.NDArray[np.floating], repeat: str, size: tuple[int, int
         for axis in (0, 1):
             field = uniform_filter1d(field, width, axis=axis, mode="wrap")
         field = symmetry(repeat, lattice.shape).mean(field)
-    coefficients = spline_filter(field, order=3, mode="grid-wrap")
+    coefficients = np.pad(spline_filter(field, order=3, mode="grid-wrap"), (1, 2), mode="wrap")
     v = 2 * side * ((np.arange(size[0]) + 0.5) / size[0] - 0.25 / side)
     x = side * ((np.arange(size[1]) + 0.5) / size[1] - 0.25 / side)
-    result = np.zeros(size)
-    rows = max(1, 1_000_000 // size[1])  # in strips, so that the coordinates stay small
-    for start in range(0, size[0], rows):
-        b = v[start : start + rows, np.newaxis]
-        a = x + b / 2
-        b = np.broadcast_to(b, a.shape)
-        for _ in range(3):
-            result[start : start + rows] += map_coordinates(
-                coefficients, [b, a], order=3, mode="grid-wrap", prefilter=False
-            )
-            a, b = -b, a - b
+    level, falling = _rows_between(coefficients, v), _rows_between(coefficients.T, -v)
+    common = gcd(side, size[1])
+    whole = np.arange(common) * (side // common)  # pixels of a row that lie whole nodes from each other
+    apart = size[1] // common
+    result = np.empty(size)
+    for first in range(apart):
+        at = x[first]
+        result[:, first::apart] = (
+            _columns_between(level, at + v / 2, whole)
+            + _columns_between(falling, at - v / 2, whole)
+            + _nodes_between(coefficients, -at - v / 2, v / 2 - at, -whole)
+        )
     return np.clip(result / 3, 0.0, 1.0).astype(np.float32)
+
+
+def _rows_between(coefficients: Floats, places: Floats) -> Floats:
+    """Interpolate rows of a spline, (n + 3, n + 3) with its margins: (places, n + 3)."""
+    whole, weights = _spline_weights(places)
+    rows = whole % (len(coefficients) - 3)
+    lines = np.zeros((len(places), coefficients.shape[1]))
+    for tap, weight in enumerate(weights):
+        lines += weight[:, np.newaxis] * coefficients[rows + tap]
+    return lines
+
+
+def _columns_between(lines: Floats, places: Floats, moved: Ints) -> Floats:
+    """Interpolate each line at its own place and at whole distances from it: (lines, distances)."""
+    whole, weights = _spline_weights(places)
+    wide = lines.shape[1]
+    at = (whole[:, np.newaxis] + moved) % (wide - 3) + wide * np.arange(len(lines))[:, np.newaxis]
+    flat, found = lines.ravel(), np.zeros(at.shape)
+    for tap, weight in enumerate(weights):
+        found += weight[:, np.newaxis] * flat[tap:].take(at)
+    return found
+
+
+def _nodes_between(coefficients: Floats, rows: Floats, columns: Floats, moved: Ints) -> Floats:
+    """Interpolate a spline at places, and at whole distances from them along both: (places, distances)."""
+    (down, weights), (across, beside) = _spline_weights(rows), _spline_weights(columns)
+    wide = coefficients.shape[1]
+    at = (down[:, np.newaxis] + moved) % (wide - 3) * wide + (across[:, np.newaxis] + moved) % (wide - 3)
+    flat, found = coefficients.ravel(), np.zeros(at.shape)
+    for row, weight in enumerate(weights):
+        for column, other in enumerate(beside):
+            found += (weight * other)[:, np.newaxis] * flat[row * wide + column :].take(at)
+    return found
+
+
+def _spline_weights(places: Floats) -> tuple[Ints, tuple[Floats, Floats, Floats, Floats]]:
+    """Return the whole part of places, and the weights of the four nodes round each by cubic B-splines."""
+    whole = np.floor(places).astype(np.int64)
+    after = places - whole
+    before = 1 - after
+    inner = [(4 - 6 * part**2 + 3 * part**3) / 6 for part in (after, before)]
+    return whole, (before**3 / 6, inner[0], inner[1], after**3 / 6)

@@ -32,6 +32,17 @@ def test_every_step_keeps_mass_and_rule(repeat):
             assert np.allclose(symmetry(repeat, density.shape).mean(density), density)
 
 
+def test_what_has_settled_ends_early():
+    recipe = ts.motif.random_recipe(64, style="thesis", repeat="translate", seed=7)
+    steps = grown(recipe)
+    assert recipe.iterations == 40
+    assert 10 < len(steps) < 30
+    assert steps[-1].share == 1
+    for density, index in zip(steps[-1].densities, range(len(recipe.layers)), strict=True):
+        whole, _ = optimise_layer(recipe.of_layer(index))
+        assert likeness(density, whole) > 0.98
+
+
 def test_it_looks_like_what_the_recipe_makes():
     recipe = ts.motif.random_recipe(128, style="cutout", repeat="p4m", seed=7)
     made = ts.generate_motif(recipe)

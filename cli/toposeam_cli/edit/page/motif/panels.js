@@ -2,7 +2,8 @@
 import { icon } from '../icons.js';
 import { languageChoice, make, word } from '../words.js';
 
-const FORMATS = ['png', 'svg', 'pdf', 'tif', 'toml'], PERIOD_MS = 50;
+const FORMATS = ['png', 'svg', 'pdf', 'tif', 'toml', 'webp', 'mp4', 'growing.svg'], PERIOD_MS = 50;
+const GROWTHS = { webp: 'WebP', mp4: 'MP4', 'growing.svg': 'SVG' };
 
 const hex = colour => `#${colour.map(c => Math.round(255 * c).toString(16).padStart(2, '0')).join('')}`;
 const colour = text => [1, 3, 5].map(k => Number.parseInt(text.slice(k, k + 2), 16) / 255);
@@ -63,7 +64,7 @@ export class MotifPanels {
       make('div', { className: 'row-of-two' }, make('label', { className: 'check' }, this.opaque, make('span', {}, word('opaque'))), make('label', { className: 'check' }, this.paper, make('span', {}, word('paper')))),
       make('div', { className: 'rest' }, this.bar, this.state),
     );
-    this.format = this.select('format', motif.shell.output ? [] : FORMATS, value => value === 'toml' ? word('recipe') : value.toUpperCase(), value => { motif.shell.format = value; });
+    this.format = this.select('format', motif.shell.output ? [] : FORMATS, value => value === 'toml' ? word('recipe') : value in GROWTHS ? word('growth', GROWTHS[value]) : value.toUpperCase(), value => { motif.shell.format = value; });
     const count = (id, value, max) => make('input', { type: 'number', id, min: 1, max, value, step: 1, onchange: event => { event.target.value = Math.min(max, Math.max(+event.target.min, Math.round(+event.target.value) || value)); } });
     [this.columns, this.rows, this.px] = [count('columns', 1, 32), count('rows', 1, 32), count('px', 1024, 8192)];
     this.px.min = 16;

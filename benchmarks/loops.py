@@ -2,14 +2,18 @@
 
     python benchmarks/loops.py FOLDER [CLIP …]    verdicts; strips, loops, cross-fades in FOLDER, and a sheet
     python benchmarks/loops.py FOLDER --seeds 81  the same of clips that are drawn with such seeds
+    python benchmarks/loops.py FOLDER --quarters  loops of quarters, of those whose loop is seen
     python benchmarks/loops.py FOLDER --large     1080p, 150 frames, by the command: processor time, memory
     python benchmarks/loops.py FOLDER --long      60 s of 720p, likewise
 
-Without clips, those of ``samples/clips.py``, a pendulum, and people who walk, with seeds that were not tuned
-on, and a ball that crosses the picture once, which no loop can hide. Of each moment a strip shows the loop,
-which stretch shows where (orange the end, blue the beginning), and the cross-fade; the sheet shows six
-moments of each loop above those of its cross-fade. Files are read at 320 px, at most 250 frames of them:
-``CLIP@100`` begins with frame 100, ``CLIP@100-220`` also ends.
+Without clips, those of ``samples/clips.py``, a pendulum, people who walk, and leaves above water, with seeds
+that were not tuned on, and a ball that crosses the picture once, which no loop can hide. Of each moment a
+strip shows the loop, which stretch shows where (orange the end, blue the beginning), and the cross-fade; the
+sheet shows six moments of each loop above those of its cross-fade. Files are read at 320 px, at most 250
+frames of them: ``CLIP@100`` begins with frame 100, ``CLIP@100-220`` also ends.
+
+Quarters tell what loops of regions, each with a start and a period of its own, could win at most: each is
+looped alone, while the rest stands still and is not judged.
 """
 
 from __future__ import annotations
@@ -126,6 +130,24 @@ def walkers(frames: int = 110, seed: int = 31) -> Frames:
     return np.stack(made)
 
 
+def leaves(frames: int = 100, seed: int = 31) -> Frames:
+    """Make leaves that sway above water, at a period that the water does not have."""
+    rng = np.random.default_rng(seed)
+    made = clips.water(frames, 180, 320, seed=seed)
+    behind, period = ground(rng)[:90], rng.uniform(18, 34)
+    y, x = np.indices(behind.shape[:2])
+    stems = list(zip(rng.uniform(10, 310, 9), rng.uniform(0, 30, 9), rng.uniform(0, 6, 9), strict=True))
+    for t, frame in enumerate(made):
+        picture = behind.copy()
+        for right, down, phase in stems:
+            turn = 0.5 * np.sin(2 * np.pi * t / period + phase)
+            along = (x - right) * np.sin(turn) + (y - down) * np.cos(turn)
+            across = (x - right) * np.cos(turn) - (y - down) * np.sin(turn)
+            picture[((along - 26) / 26) ** 2 + (across / 9) ** 2 < 1] = (0.2, 0.5, 0.15)
+        frame[:90] = noisy(picture, rng)
+    return made
+
+
 def drawn(seeds: list[int]) -> Iterator[tuple[str, Frames]]:
     """Yield clips that are made here."""
     for seed in seeds:
@@ -133,6 +155,7 @@ def drawn(seeds: list[int]) -> Iterator[tuple[str, Frames]]:
             yield f"{name}{seed}", make(100, 180, 320, seed=seed)
         yield f"pendulum{seed}", pendulum(seed=seed)
         yield f"walkers{seed}", walkers(seed=seed)
+        yield f"leaves{seed}", leaves(seed=seed)
     yield "ball", ball(seed=seeds[0])
 
 
@@ -196,6 +219,22 @@ def judged(folder: Path, given: Iterable[tuple[str, Frames]]) -> None:
         Image.fromarray(stacked(rows)).save(folder / "sheet.png")
 
 
+def quartered(given: Iterable[tuple[str, Frames]]) -> None:
+    """Print how much shows of loops that are seen, and of their quarters alone."""
+    for name, clip in given:
+        made = ts.loop(clip)
+        if made.verdict.unseen:
+            continue
+        found = []
+        for rows, columns in np.ndindex(2, 2):
+            still = np.ones(clip.shape[1:3], bool)
+            halves = [np.array_split(np.arange(size), 2) for size in still.shape]
+            still[np.ix_(halves[0][rows], halves[1][columns])] = False
+            part = ts.loop(clip, still=still)
+            found.append(f"{part.verdict.shows:.2f} at {len(part)}")
+        print(f"{name:14s} {made.verdict.shows:.2f} at {len(made)}; quarters {', '.join(found)}", flush=True)
+
+
 def measured(folder: Path, count: int, size: tuple[int, int], times: int) -> None:
     """Measure the command on a video, enlarged so many times."""
     flag = clips.flag(count, *size, seed=31)
@@ -213,16 +252,17 @@ if __name__ == "__main__":
     parser.add_argument("folder", type=Path)
     parser.add_argument("clips", nargs="*")
     parser.add_argument("--seeds", type=int, nargs="+", default=[31, 32, 33])
+    parser.add_argument("--quarters", action="store_true")
     parser.add_argument("--large", action="store_true")
     parser.add_argument("--long", action="store_true")
-    options = parser.parse_args()
+    options = parser.parse_intermixed_args()
     options.folder.mkdir(parents=True, exist_ok=True)
     print(stamp())
     if options.large:
         measured(options.folder, 150, (270, 480), 4)
     elif options.long:
         measured(options.folder, 1800, (180, 320), 4)
-    elif options.clips:
-        judged(options.folder, ((Path(name).stem, read(name)) for name in options.clips))
     else:
-        judged(options.folder, drawn(options.seeds))
+        named = ((Path(name).stem, read(name)) for name in options.clips)
+        given = named if options.clips else drawn(options.seeds)
+        quartered(given) if options.quarters else judged(options.folder, given)

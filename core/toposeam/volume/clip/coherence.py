@@ -26,8 +26,9 @@ _APART = 3
 #: Number of moments, about, among which likenesses are looked for; and for which the clip's own distances are
 #: found, over the clip and in each stretch.
 MOMENTS, _OWN = 40, (8, 4)
-#: Quantile of the clip's own distances that is usual; and a distance, as a share of white, that nobody sees.
-_USUAL, UNSEEN = 0.75, 0.02
+#: Quantile of the clip's own distances that is usual, below half of them, so that a hand that passes now and
+#: then does not hide its own cut; and a distance, as a share of white, that nobody sees.
+_USUAL, UNSEEN = 0.4, 0.02
 
 
 def strangeness(made: Floats32, clip: Floats32, leaves: int, enters: int) -> Floats32:

@@ -41,7 +41,7 @@ _MAX_SIDE, _SQUARE = 256, 4
 #: Added light that even surroundings hide, as a share of white.
 _HIDDEN_LIGHT = 0.1
 #: Values of steps, strange patches, added light and missing area that are just visible, the verdict's units.
-_VISIBLE_STEPS, _VISIBLE_STRANGE, _VISIBLE_LIGHT, _VISIBLE_MISSING = 5.0, 1.2, 1.75, 1.5
+_VISIBLE_STEPS, _VISIBLE_STRANGE, _VISIBLE_LIGHT, _VISIBLE_MISSING = 5.0, 1.35, 1.75, 1.5
 #: Least region that is seen: area × duration, as a share of a frame.
 _LEAST_REGION = 0.02
 #: Side, in reduced px, of the window over which contrast is averaged, and its weight against added light.

@@ -79,3 +79,15 @@ def test_the_kernel_finds_the_likenesses_that_numpy_finds(monkeypatch):
     compiled = strangeness(made, clip, 5, 1)
     monkeypatch.setattr("toposeam._kernels.library", None)
     np.testing.assert_allclose(compiled, strangeness(made, clip, 5, 1), rtol=1e-5)
+
+
+def test_what_passes_now_and_then_does_not_hide_its_cut():
+    rng = np.random.default_rng(0)
+    clip = np.full((40, 24, 32), 0.5, np.float32)
+    for passing in [t for t in range(40) if t % 10 < 4]:
+        clip[passing, 8:16, 12:20] += 0.3 * rng.choice([-1, 1], (8, 8))
+    made = clip[9:21].copy()
+    made[1:-1, 8:16, 16:20] = clip[9::-1, 8:16, 16:20]  # halves of two different ones
+    found = strangeness(made, clip, 10, 0)
+    assert found[7:9].max() > 1.5
+    assert found[5].max() == 0

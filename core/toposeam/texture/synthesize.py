@@ -31,7 +31,7 @@ from toposeam.texture.exemplar.patch_search import whole
 from toposeam.texture.exemplar.scale import SMALLEST_PATCH, coarse_patch, patch_for
 from toposeam.texture.exemplar.sources import DataRange, Images, Sources, check_varied
 from toposeam.texture.exemplar.turns import TURNS, Turns, count_of, turned_sources
-from toposeam.texture.guide import guide_of, patch_within
+from toposeam.texture.guide import guide_of, patches_within
 from toposeam.texture.light.seam_easing import EasedLight, Level, level_for
 from toposeam.texture.light.slow_light import CopyLight, flattened, levelled_copies, without_light
 from toposeam.texture.material import Material, lay
@@ -92,7 +92,7 @@ def synth(
         Height and width of the texture, px.
     patch : int, optional
         Side of a patch, px; by default by the size of the texture's elements (:func:`natural_patch`), with a
-        guide smaller if that changes within. Cut to the texture where that is smaller.
+        guide smaller where patches of that side do not follow it. Cut to the texture where that is smaller.
     overlap : int or float, optional
         How far neighbouring patches overlap, px, or below 1 as a share of the patch; by default a quarter.
     seed : int, Generator or None
@@ -229,8 +229,9 @@ def synth(
         sized=patch is not None,
     )
     side, lap = sides[-1] if setting != "auto" and SETTINGS[setting].coarse else sides[0]
+    larger: list[tuple[int, int]] = []
     if wanted is not None and patch is None and guide_weight:
-        side, lap = check_patch(sources, patch_within(wanted, side), overlap)
+        *larger, (side, lap) = (check_patch(sources, one, overlap) for one in patches_within(wanted, side))
     material = Material(
         atlas=atlas_without(scattered, atlas),
         features=features,
@@ -260,11 +261,18 @@ def synth(
     placer = material.placer((height, width), request.wraps, request.options, request.rng)
     canvas = placer.canvas
     shown = None if preview is None else Previews(preview, sources, atlas, canvas)
-    shape = lay(placer, side, lap, processes, stage(progress, done, 1 - done), shown, scattered)
+    report = stage(progress, done, 1 - done)
+    shape = lay(placer, side, lap, processes, report, shown, scattered, larger)
     fits = None if material.order is None else material.order.better_size((height, width), request.wraps)
     periods = None if material.order is None else material.order.periods.tolist()
     del placer, material, wanted  # a guide takes more memory than the picture
-    settings = {"patch": side, "overlap": lap, **request.settings, "flatten": flatten, "level": level}
+    settings = {
+        "patch": None if larger else side,
+        "overlap": lap,
+        **request.settings,
+        "flatten": flatten,
+        "level": level,
+    }
     settings |= {"shares": parts, "turns": turns, "transparent": transparent}
     settings |= {"lattice": periods}
     settings |= {"setting": None if setting == "auto" else setting}

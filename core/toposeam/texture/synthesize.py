@@ -22,6 +22,7 @@ from toposeam.checks import (
 from toposeam.errors import ImageError, OptionError, Term
 from toposeam.texture.assemble_result import finish
 from toposeam.texture.canvas.index_canvas import IndexCanvas
+from toposeam.texture.canvas.places import Guide
 from toposeam.texture.canvas.progress import Previews, stage
 from toposeam.texture.canvas.synthesis import Synthesis
 from toposeam.texture.canvas.tileable import Tileable
@@ -229,9 +230,7 @@ def synth(
         sized=patch is not None,
     )
     side, lap = sides[-1] if setting != "auto" and SETTINGS[setting].coarse else sides[0]
-    larger: list[tuple[int, int]] = []
-    if wanted is not None and patch is None and guide_weight:
-        *larger, (side, lap) = (check_patch(sources, one, overlap) for one in patches_within(wanted, side))
+    *larger, (side, lap) = _following(wanted, sources, patch, (side, lap), overlap)
     material = Material(
         atlas=atlas_without(scattered, atlas),
         features=features,
@@ -319,6 +318,21 @@ def _sides(sources: Sources, patch: int | None, overlap: float | None) -> list[t
     if patch is None and coarse > sides[0][0]:
         sides.append(check_patch(sources, coarse, overlap))
     return sides
+
+
+def _following(
+    guide: Guide | None,
+    sources: Sources,
+    patch: int | None,
+    usual: tuple[int, int],
+    overlap: float | None,
+) -> list[tuple[int, int]]:
+    """List the sides and overlaps, px, of patches that follow a guide, largest first; the usual ones alone
+    where there is none, or the caller gives the patch.
+    """
+    if guide is None or not guide.weight or patch is not None:
+        return [usual]
+    return [check_patch(sources, side, overlap) for side in patches_within(guide, usual[0])]
 
 
 def _on_ground(

@@ -17,8 +17,9 @@ from toposeam.errors import ImageError
 from toposeam_cli.files.regular import check_input
 from toposeam_cli.media.pictures.colour import DEPTHS, INTENT
 from toposeam_cli.media.pictures.libvips import VipsImage, evaluate, load_vips, reason
-from toposeam_cli.media.pictures.openexr import exr_as_tiff, exr_size, is_exr
 
+#: The suffix of OpenEXR, whose package is loaded for it alone.
+EXR = ".exr"
 _HEIC = {".heic", ".heif", ".hif"}
 
 #: Resolution that means "unknown", px per mm: writers whose format needs one write 72 per inch.
@@ -121,7 +122,9 @@ def _opened(path: Path, max_pixels: int) -> VipsImage:
     vips = load_vips()
     too_large = partial(refuse_large, path, max_pixels=max_pixels)
     reading = {"access": "sequential", "fail_on": "error"}
-    if is_exr(path):
+    if path.suffix.lower() == EXR:
+        from toposeam_cli.media.pictures.openexr import exr_as_tiff
+
         content = exr_as_tiff(path, too_large)
         return vips.Image.new_from_source(vips.Source.new_from_memory(content), "", **reading)
     try:
@@ -164,7 +167,9 @@ def size_of(path: Path) -> tuple[int, int]:
         If there is no such file, or it is no picture.
     """
     check_input(path)
-    if is_exr(path):
+    if path.suffix.lower() == EXR:
+        from toposeam_cli.media.pictures.openexr import exr_size
+
         return exr_size(path)
     vips = load_vips()
     try:

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, redirect_stdout, suppress
+from contextlib import contextmanager, redirect_stdout
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -14,20 +14,11 @@ from typing import Any
 import numpy as np
 
 from toposeam.errors import ImageError, MissingPackageError
+from toposeam_cli.media.pictures.decode import EXR
 from toposeam_cli.media.pictures.libvips import evaluate, to_vips
 
-SUFFIX = ".exr"
-#: The first bytes of a file.
-_MAGIC = b"\x76\x2f\x31\x01"
 #: Sets of channels that are read, in the order of the array's.
 _CHANNELS = ("RGB", "RGBA", "Y", "YA")
-
-
-def is_exr(path: Path) -> bool:
-    """Test whether a file begins as OpenEXR does."""
-    with suppress(OSError), path.open("rb") as file:
-        return file.read(len(_MAGIC)) == _MAGIC
-    return False
 
 
 def check_openexr(path: Path) -> None:
@@ -37,7 +28,7 @@ def check_openexr(path: Path) -> None:
     ------
     MissingPackageError
     """
-    if path.suffix.lower() == SUFFIX:
+    if path.suffix.lower() == EXR:
         _package(path)
 
 

@@ -37,7 +37,6 @@ from toposeam_cli.media.pictures.libvips import (
     to_vips,
     with_profile,
 )
-from toposeam_cli.media.pictures.openexr import write_exr
 
 #: Largest picture by default, pixels: 3 GB as 16-bit RGB.
 MAX_PIXELS = 500_000_000
@@ -310,6 +309,8 @@ def write_picture(
     image = vips_image(picture)
     with replacing(path, force) as temporary:
         if kind is _EXR:
+            from toposeam_cli.media.pictures.openexr import write_exr
+
             write_exr(temporary, picture.pixels, picture.alpha)
             return
         try:

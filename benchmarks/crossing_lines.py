@@ -17,6 +17,7 @@ from PIL import Image
 from scipy import ndimage
 
 import toposeam as ts
+from sheets import sheet_of
 from stamp import stamp
 from texture_samples import shaded
 
@@ -164,13 +165,10 @@ def main() -> None:
         )
         holed = image.copy()
         holed[hole] = 255, 0, 255
-        sheets.append(np.hstack([holed, made.image])[60:260])
+        sheets.append((holed[60:260], made.image[60:260]))
     print(f"all joined in {all_joined} of {len(rows)}")
     if len(sys.argv) > 1:
-        wide = min(4, len(sheets))
-        sheets += [np.full_like(sheets[0], 255)] * (-len(sheets) % wide)
-        sheet = np.vstack([np.hstack(sheets[k : k + wide]) for k in range(0, len(sheets), wide)])
-        Image.fromarray(sheet).save(sys.argv[1])
+        sheet_of(sheets, 4).save(sys.argv[1])
 
 
 if __name__ == "__main__":

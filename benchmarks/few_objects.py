@@ -17,6 +17,7 @@ from PIL import Image, ImageDraw
 from scipy import ndimage
 
 import toposeam as ts
+from sheets import framed, sheet_of
 from stamp import stamp
 from texture_samples import shaded
 from whole_objects import FINE, drawn
@@ -211,22 +212,10 @@ def main() -> None:
             f"{len(whole):3} whole {len(shards):3} shards, cover ÷ the sample's {' '.join(covers)}",
             flush=True,
         )
-        picture = Image.fromarray(made.image)
-        for down, across in shards:
-            frame = [across.start - 3, down.start - 3, across.stop + 3, down.stop + 3]
-            ImageDraw.Draw(picture).rectangle(frame, outline=(255, 0, 0))
-        sheets.append((Image.fromarray(image), picture))
+        sheets.append((image, framed(made.image, shards)))
     print(f"{all_whole}/{all_whole + all_shards} whole ({all_whole / max(all_whole + all_shards, 1):.1%})")
     if len(sys.argv) > 1:
-        wide = min(5, len(sheets))
-        sheet = Image.new(
-            "RGB", (wide * (SIDE + GROWN + 20), -(-len(sheets) // wide) * (GROWN + 10)), "white"
-        )
-        for place, (sample, picture) in enumerate(sheets):
-            left, top = place % wide * (SIDE + GROWN + 20), place // wide * (GROWN + 10)
-            sheet.paste(sample, (left, top))
-            sheet.paste(picture, (left + SIDE + 4, top))
-        sheet.save(sys.argv[1])
+        sheet_of(sheets, 5).save(sys.argv[1])
 
 
 if __name__ == "__main__":

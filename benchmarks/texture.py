@@ -16,7 +16,8 @@ sample (likewise)
 ``--clock`` compares times by the clock instead, on an idle machine: the twenty samples of texture_samples.py
 grown open, patches of 40 px, by one process and by as many as ``-j`` says, which have everything loaded, by
 ``toposeam synth -j``, which starts Python and reads and writes files (*command*), and by G'MIC on one thread,
-which does so, too; each the best of three, and the median of TopoSeam's over G'MIC's.
+which does so, too; each the best of three, and the median of TopoSeam's over G'MIC's. ``--commands`` compares
+processor times of commands, on any machine: with settings tried, with two named, and G'MIC's.
 """
 
 from __future__ import annotations
@@ -67,10 +68,16 @@ def main() -> None:
     options.add_argument(
         "--clock", action="store_true", help="only times by the clock, of one and -j processes"
     )
+    options.add_argument(
+        "--commands", action="store_true", help="only processor times of commands, settings tried and named"
+    )
     options.add_argument("-j", type=int, default=2, metavar="N", help="how many processes")
     options.add_argument("--only", default="", help="names of samples for --clock, with commas between")
     chosen = options.parse_args()
     wanted = chosen.only.split(",") if chosen.only else []
+    if chosen.commands:
+        commands(wanted)
+        return
     if chosen.clock:
         clock(chosen.j, wanted)
         return
@@ -319,9 +326,27 @@ def clock(processes: int, wanted: list[str]) -> None:
     print(f"{'median':50}" + "".join(f"{ratio:9.2f}" for ratio in np.median(ratios, axis=0)))
 
 
-def command(sample: np.ndarray, processes: int) -> Made | None:
+def commands(wanted: list[str]) -> None:
+    """Processor seconds of commands on the twenty samples, over G'MIC's."""
+    ways = ["", "--setting varied", "--setting coarse-mixed"]
+    print(f"{'':14}" + "".join(f"{way or 'tried':>24}" for way in ways) + f"{'gmic':>9}")
+    ratios = []
+    for sample in samples():
+        if wanted and sample.name not in wanted:
+            continue
+        made = [*(command(sample.image, 1, way) for way in ways), gmic(sample.image, 1)]
+        found = [np.nan if one is None else one.seconds for one in made]
+        ratios.append(np.divide(found[:-1], found[-1]))
+        print(
+            f"{sample.name:14}" + "".join(f"{value:24.2f}" for value in found[:-1]) + f"{found[-1]:9.2f}",
+            flush=True,
+        )
+    print(f"{'median ÷':14}" + "".join(f"{ratio:24.2f}" for ratio in np.median(ratios, axis=0)))
+
+
+def command(sample: np.ndarray, processes: int, choice: str = "--patch 40") -> Made | None:
     """``toposeam synth``, with its start."""
-    options = f"--size {SIZE} --patch 40 --seed 1 -j {processes} --quiet".split()
+    options = f"--size {SIZE} {choice} --seed 1 -j {processes} --quiet".split()
     return _program(
         sample,
         lambda given, made: [sys.executable, "-m", "toposeam_cli", "synth", given, *options, "-o", made],

@@ -20,6 +20,7 @@ from PIL import Image
 from scipy.signal import fftconvolve
 
 import toposeam as ts
+from sheets import sheet_of
 from stamp import stamp
 
 SIDE = 448
@@ -117,7 +118,7 @@ def main(samples: Path, pictures: Path | None) -> None:
         print(f"{path.stem:20}{_figures(row)} {name}", flush=True)
         if pictures is not None:
             pictures.mkdir(parents=True, exist_ok=True)
-            _beside(made).save(pictures / f"{path.stem}.png")
+            sheet_of([made]).save(pictures / f"{path.stem}.png")
     found = np.array(rows)
     print(f"{'median':20}{_figures(np.median(found, axis=0).tolist())}")
     for name, column in (("varied", 3), ("chosen", 6)):
@@ -137,18 +138,6 @@ def _quilted(sample: np.ndarray) -> tuple[np.ndarray, np.ndarray, str]:
 def _grown(sample: np.ndarray, setting: str = "auto") -> tuple[np.ndarray, np.ndarray, str]:
     grown = ts.synthesize(sample, SIDE, setting=setting)
     return grown.image, grown.source, str(grown.settings["setting"])
-
-
-def _beside(images: list[np.ndarray]) -> Image.Image:
-    """Put pictures beside one another."""
-    sheet = np.full(
-        (max(len(one) for one in images), sum(one.shape[1] + 8 for one in images), 3), 255, np.uint8
-    )
-    left = 0
-    for one in images:
-        sheet[: len(one), left : left + one.shape[1]] = one
-        left += one.shape[1] + 8
-    return Image.fromarray(sheet)
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ from PIL import Image, ImageDraw
 from scipy import ndimage
 
 import toposeam as ts
+from sheets import framed, sheet_of
 from stamp import stamp
 from texture_samples import shaded
 
@@ -115,18 +116,10 @@ def main() -> None:
             f"{total - len(broken)}/{total} whole",
             flush=True,
         )
-        picture = Image.fromarray(made.image)
-        for rows, columns in broken:
-            frame = [columns.start - 3, rows.start - 3, columns.stop + 3, rows.stop + 3]
-            ImageDraw.Draw(picture).rectangle(frame, outline=(255, 0, 0))
-        shown.append((Image.fromarray(image), picture))
+        shown.append((image, framed(made.image, broken)))
     print(f"{all_whole}/{all_total} whole ({all_whole / all_total:.1%})")
     if len(sys.argv) > 1:
-        sheet = Image.new("RGB", (5 * 650, 2 * 920), "white")
-        for place, pair in enumerate(shown):
-            for top, one in zip((0, 260), pair, strict=True):
-                sheet.paste(one, (650 * (place % 5), 920 * (place // 5) + top))
-        sheet.save(sys.argv[1])
+        sheet_of(shown, 2).save(sys.argv[1])
 
 
 if __name__ == "__main__":

@@ -345,7 +345,7 @@ def test_the_tests_are_collected_where_there_is_nothing_of_unix(tmp_path):
 @pytest.mark.parametrize("document", ["NOTICE", "docs/dependencies.md"])
 def test_documents_name_what_installing_brings(document):
     project = tomllib.loads((HERE / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    extras = ("cli", "plot", "dask", "video", "volumes", "graphcut")
+    extras = ("cli", "plot", "dask", "video", "volumes", "exr", "graphcut")
     wanted = [
         *project["dependencies"],
         *(one for extra in extras for one in project["optional-dependencies"][extra]),

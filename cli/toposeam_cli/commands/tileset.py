@@ -13,7 +13,7 @@ from toposeam_cli.app.command import Command, option
 from toposeam_cli.app.options import FILE, MEGAPIXELS, OUTPUT, force_option, quiet_option
 from toposeam_cli.app.progress import say, share_bar
 from toposeam_cli.files.writing import all_or_nothing, atomic_write, check_output, new_folder
-from toposeam_cli.media.pictures.picture import write_picture
+from toposeam_cli.media.pictures.picture import check_values, write_picture
 from toposeam_cli.textures.game_engines import godot_set, tiled_set
 from toposeam_cli.textures.maps import Maps, suffix_of
 from toposeam_cli.textures.material_folder import kind_of, maps_of_all, weights_of
@@ -109,6 +109,8 @@ def tileset(
     names = [f"tiles_{found}{suffix}".replace(", ", "_") for found, suffix in further]
     _check(output, (_SHEET, *names, _TILED, _GODOT, _FIELD), force)
     samples = read_sources(pictures, max_megapixels)
+    for sample in samples:
+        check_values(output / _SHEET, sample)
     if alphas(samples) is not None:
         raise ts.ImageError(
             f"{first.name} or {second.name} is transparent in places, and tiles cover all of a map; fill "

@@ -30,6 +30,8 @@ from toposeam_cli.files.temporary import (
 
 #: The extensions :func:`toposeam_cli.media.pictures.picture.write_picture` writes.
 PICTURE_SUFFIXES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".webp")
+#: Those of textures and their maps.
+TEXTURE_SUFFIXES = (*PICTURE_SUFFIXES, ".exr")
 #: Compressions of TIFF.
 COMPRESSIONS = ("deflate", "lzw", "none")
 

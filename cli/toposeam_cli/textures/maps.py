@@ -12,11 +12,11 @@ import numpy as np
 
 import toposeam as ts
 from toposeam.images import full_scale
-from toposeam_cli.files.writing import PICTURE_SUFFIXES
+from toposeam_cli.files.writing import TEXTURE_SUFFIXES
 from toposeam_cli.media.pictures.picture import Picture, match_pictures, read_picture
 
 #: Formats of maps; later ones hold more depth.
-_RICHER = (".jpg", ".jpeg", ".webp", ".png", ".tif", ".tiff")
+_RICHER = (".jpg", ".jpeg", ".webp", ".png", ".tif", ".tiff", ".exr")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,7 +131,7 @@ def white_of(picture: Picture) -> float | None:
 def suffix_of(files: Sequence[Path]) -> str:
     """Return the format of a map that is made from several, which holds most."""
     own = [path.suffix.lower() for path in files]
-    return max((one if one in PICTURE_SUFFIXES else ".tif" for one in own), key=_RICHER.index)
+    return max((one if one in TEXTURE_SUFFIXES else ".tif" for one in own), key=_RICHER.index)
 
 
 def _range_of(pictures: Sequence[Picture]) -> float | None:

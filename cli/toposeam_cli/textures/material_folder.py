@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import toposeam as ts
-from toposeam_cli.files.writing import PICTURE_SUFFIXES
+from toposeam_cli.files.writing import TEXTURE_SUFFIXES
 from toposeam_cli.media.pictures.decode import size_of
 
 #: What the names of files end in, in the order of their maps; the picture first, then normals.
@@ -28,7 +28,7 @@ _KINDS = {
 }
 _BY_ENDING = {ending: kind for kind, endings in _KINDS.items() for ending in endings.split()}
 #: Pictures of these formats cannot be written under the same name.
-_NOT_WRITTEN = (".exr", ".hdr", ".tga", ".bmp", ".gif", ".psd", ".dds", ".ktx2", ".avif", ".heic")
+_NOT_WRITTEN = (".hdr", ".tga", ".bmp", ".gif", ".psd", ".dds", ".ktx2", ".avif", ".heic")
 #: Parts of a name, and those that say how large or of which format a map is.
 _PART, _NO_KIND = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+"), re.compile(r"\d+|[kK]|png|jpe?g|tiff?")
 
@@ -62,7 +62,7 @@ def maps_of(folder: Path) -> dict[str, Path]:
     found: dict[str, Path] = {}
     for path in sorted(folder.iterdir()):
         suffix = path.suffix.lower()
-        if path.name.startswith(".") or suffix not in PICTURE_SUFFIXES + _NOT_WRITTEN:
+        if path.name.startswith(".") or suffix not in TEXTURE_SUFFIXES + _NOT_WRITTEN:
             continue
         kind = kind_of(path)
         if kind is None:

@@ -30,12 +30,13 @@ from toposeam_cli.app.options import (
 )
 from toposeam_cli.files.regular import real_path
 from toposeam_cli.files.writing import (
-    PICTURE_SUFFIXES,
+    TEXTURE_SUFFIXES,
     all_or_nothing,
     atomic_write,
     check_output,
     new_folder,
 )
+from toposeam_cli.media.pictures.openexr import check_openexr
 from toposeam_cli.media.pictures.picture import (
     Picture,
     check_values,
@@ -196,7 +197,7 @@ class Results:
         """
         maps = map_outputs(output, search.also, search.normal, count)
         if material is not None:
-            if output.suffix.lower() in PICTURE_SUFFIXES:
+            if output.suffix.lower() in TEXTURE_SUFFIXES:
                 raise ts.OptionError(
                     f"'{output}' names a picture, but a folder of maps makes a folder; write -o {output.stem}"
                 )
@@ -385,7 +386,8 @@ class Destinations:
             check_output(self.folder, suffixes=None)
         for path in pictures:
             if self.folder is None or self.folder.is_dir() or path == self.preview:
-                check_output(path, self.force)
+                check_output(path, self.force, TEXTURE_SUFFIXES)
+                check_openexr(path)
         for numbers in (self.labels, self.coordinates):
             if numbers is not None:
                 check_output(numbers, self.force, (".png", ".tif", ".tiff"))  # 16 bits without loss

@@ -86,15 +86,17 @@ def guide_of(
     return Guide(source=plane, target=target, weight=weight)
 
 
-def patch_within(guide: Guide, patch: int) -> int:
-    """Find the largest patch, up to a size, within which a guide hardly changes: larger ones cannot follow
-    the drawing.
+def patches_within(guide: Guide, patch: int) -> list[int]:
+    """Find the sides, px, of patches that follow a drawing, largest first: large ones are laid where they
+    follow it, and the last, within which it hardly changes in the mean, wherever these leave room.
     """
-    whole = float(guide.target.var(axis=(0, 1)).sum())
-    side = patch
-    while side > _LEAST_PATCH and _within(guide.target, side) > _MOST_WITHIN * whole:
-        side = max(_LEAST_PATCH, round(0.8 * side))
-    return min(side, patch)
+    least = patch
+    while least > _LEAST_PATCH and _within(guide.target, least) > _MOST_WITHIN * guide.variance:
+        least = max(_LEAST_PATCH, round(0.8 * least))
+    sides = [patch]
+    while sides[-1] > least:
+        sides.append(max(sides[-1] // 2, least))
+    return sides
 
 
 def _within(target: npt.NDArray[np.float32], side: int) -> float:

@@ -97,6 +97,7 @@ def lay(
     progress: Report | None = None,
     shown: Report | None = None,
     scattered: ScatteredObjects | None = None,
+    larger: Sequence[tuple[int, int]] = (),
 ) -> tuple[int, int]:
     """Fill a canvas with patches, and mend it where that shows; return their height and width, px.
 
@@ -110,13 +111,19 @@ def lay(
         Called with the share of the work, and of the patches, that is done.
     scattered : ScatteredObjects, optional
         Objects that are laid last.
+    larger : sequence of (int, int)
+        Side and overlap of patches that are laid before, where they follow the guide.
     """
     canvas, options = placer.canvas, placer.options
-    shape, count = shape_on(canvas, side, overlap), patches_on(canvas, side, overlap)
+    shape, sides = shape_on(canvas, side, overlap), (*larger, (side, overlap))
+    count = sum(patches_on(canvas, *one) for one in sides)
     tries = round(options.mend * count)
     most = count + tries + _MAX_REPLACEMENTS * count
     with Crew(processes, placer, lambda: canvas.share(most)) as crew:
-        lay_all(placer, side, overlap, crew, together(shown, stage(progress, 0.0, 0.9)))
+        for number, one in enumerate(sides):
+            part = 1 / len(sides)
+            report = stage(together(shown, stage(progress, 0.0, 0.9)), number * part, part)
+            lay_all(placer, *one, crew, report, guided=number < len(larger))
         if placer.guard is None:
             mend(placer, shape, tries, crew, stage(progress, 0.9, 0.1))
         elif options.mend:  # where seams are bad they cut objects, and those are replaced

@@ -22,6 +22,7 @@ from toposeam.checks import (
 from toposeam.errors import ImageError, OptionError, Term
 from toposeam.texture.assemble_result import finish
 from toposeam.texture.canvas.index_canvas import IndexCanvas
+from toposeam.texture.canvas.places import Guide
 from toposeam.texture.canvas.progress import Previews, stage
 from toposeam.texture.canvas.synthesis import Synthesis
 from toposeam.texture.canvas.tileable import Tileable
@@ -31,7 +32,7 @@ from toposeam.texture.exemplar.patch_search import whole
 from toposeam.texture.exemplar.scale import SMALLEST_PATCH, coarse_patch, patch_for
 from toposeam.texture.exemplar.sources import DataRange, Images, Sources, check_varied
 from toposeam.texture.exemplar.turns import TURNS, Turns, count_of, turned_sources
-from toposeam.texture.guide import guide_of, patch_within
+from toposeam.texture.guide import guide_of, patches_within
 from toposeam.texture.light.seam_easing import EasedLight, Level, level_for
 from toposeam.texture.light.slow_light import CopyLight, flattened, levelled_copies, without_light
 from toposeam.texture.material import Material, lay
@@ -92,7 +93,7 @@ def synth(
         Height and width of the texture, px.
     patch : int, optional
         Side of a patch, px; by default by the size of the texture's elements (:func:`natural_patch`), with a
-        guide smaller if that changes within. Cut to the texture where that is smaller.
+        guide smaller where patches of that side do not follow it. Cut to the texture where that is smaller.
     overlap : int or float, optional
         How far neighbouring patches overlap, px, or below 1 as a share of the patch; by default a quarter.
     seed : int, Generator or None
@@ -229,8 +230,7 @@ def synth(
         sized=patch is not None,
     )
     side, lap = sides[-1] if setting != "auto" and SETTINGS[setting].coarse else sides[0]
-    if wanted is not None and patch is None and guide_weight:
-        side, lap = check_patch(sources, patch_within(wanted, side), overlap)
+    *larger, (side, lap) = _following(wanted, sources, patch, (side, lap), overlap)
     material = Material(
         atlas=atlas_without(scattered, atlas),
         features=features,
@@ -260,11 +260,18 @@ def synth(
     placer = material.placer((height, width), request.wraps, request.options, request.rng)
     canvas = placer.canvas
     shown = None if preview is None else Previews(preview, sources, atlas, canvas)
-    shape = lay(placer, side, lap, processes, stage(progress, done, 1 - done), shown, scattered)
+    report = stage(progress, done, 1 - done)
+    shape = lay(placer, side, lap, processes, report, shown, scattered, larger)
     fits = None if material.order is None else material.order.better_size((height, width), request.wraps)
     periods = None if material.order is None else material.order.periods.tolist()
     del placer, material, wanted  # a guide takes more memory than the picture
-    settings = {"patch": side, "overlap": lap, **request.settings, "flatten": flatten, "level": level}
+    settings = {
+        "patch": None if larger else side,
+        "overlap": lap,
+        **request.settings,
+        "flatten": flatten,
+        "level": level,
+    }
     settings |= {"shares": parts, "turns": turns, "transparent": transparent}
     settings |= {"lattice": periods}
     settings |= {"setting": None if setting == "auto" else setting}
@@ -311,6 +318,21 @@ def _sides(sources: Sources, patch: int | None, overlap: float | None) -> list[t
     if patch is None and coarse > sides[0][0]:
         sides.append(check_patch(sources, coarse, overlap))
     return sides
+
+
+def _following(
+    guide: Guide | None,
+    sources: Sources,
+    patch: int | None,
+    usual: tuple[int, int],
+    overlap: float | None,
+) -> list[tuple[int, int]]:
+    """List the sides and overlaps, px, of patches that follow a guide, largest first; the usual ones alone
+    where there is none, or the caller gives the patch.
+    """
+    if guide is None or not guide.weight or patch is not None:
+        return [usual]
+    return [check_patch(sources, side, overlap) for side in patches_within(guide, usual[0])]
 
 
 def _on_ground(

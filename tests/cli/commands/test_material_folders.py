@@ -92,7 +92,7 @@ def test_a_texture_whose_turned_patches_have_turned_normals(toposeam):
     [
         (("wall_albedo.png", None), "tile wall -o out", "is the albedo; end its name in _albedo"),
         (("wall_ao.tif", "wall_foo.tif"), "tile wall -o out", "nothing tells what map"),
-        (("wall_ao.tif", "wall_ao.exr"), "tile wall -o out", "save it as .tif or .png"),
+        (("wall_ao.tif", "wall_ao.tga"), "tile wall -o out", "save it as .tif or .png"),
         (("wall_ao.tif", "wall_diffuse.tif"), "tile wall -o out", "are both the albedo"),
         (("wall_normal.png", "wall_nor_dx.png"), "tile wall -o wall.png", "names a picture"),
         (

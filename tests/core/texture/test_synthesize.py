@@ -182,6 +182,21 @@ def test_what_a_guide_asks_for_is_laid_however_little(sample, weight):
         assert made.patch[0] < ts.texture.natural_patch(ground)
 
 
+def test_patches_far_from_a_drawing_stay_large():
+    rng = np.random.default_rng(4)
+    ground, other = rng.random((96, 96)), rng.random((96, 96))
+    y, x = np.mgrid[:240, :240]
+    wanted = (np.hypot(y - 60, x - 60) < 20).astype(float)
+    stands = [np.zeros((96, 96)), np.ones((96, 96))]
+    made = ts.synthesize([ground, other], 240, guide=wanted, guide_source=stands, seed=0)
+    labels = [np.unique(part).size for part in (made.labels[20:100, 20:100], made.labels[160:, 160:])]
+    assert labels[1] < labels[0] / 2
+    assert ((made.exemplar == 1) == (wanted > 0)).mean() > 0.995
+    assert made.settings["patch"] is None
+    near_alone = ts.synthesize([ground, other], 240, patch=made.patch[0], guide=wanted, guide_source=stands)
+    assert np.unique(near_alone.labels[160:, 160:]).size > 2 * labels[1]
+
+
 def test_what_a_guide_asks_for_is_never_used_up():
     """Two thirds are to show a tone that a fourteenth of the sample has, beside others: 7 % were wrong."""
     rng = np.random.default_rng(1)

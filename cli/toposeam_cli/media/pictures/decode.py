@@ -18,6 +18,8 @@ from toposeam_cli.files.regular import check_input
 from toposeam_cli.media.pictures.colour import DEPTHS, INTENT
 from toposeam_cli.media.pictures.libvips import VipsImage, evaluate, load_vips, reason
 
+#: The suffix of OpenEXR, whose package is loaded for it alone.
+EXR = ".exr"
 _HEIC = {".heic", ".heif", ".hif"}
 
 #: Resolution that means "unknown", px per mm: writers whose format needs one write 72 per inch.
@@ -116,10 +118,15 @@ def decoding(path: Path, max_pixels: int) -> Iterator[Decoding]:
 
 
 def _opened(path: Path, max_pixels: int) -> VipsImage:
-    """Open a picture by libvips, or by Pillow if libvips does not know its format."""
+    """Open a picture by libvips, or by Pillow or OpenEXR if libvips does not know its format."""
     vips = load_vips()
     too_large = partial(refuse_large, path, max_pixels=max_pixels)
     reading = {"access": "sequential", "fail_on": "error"}
+    if path.suffix.lower() == EXR:
+        from toposeam_cli.media.pictures.openexr import exr_as_tiff
+
+        content = exr_as_tiff(path, too_large)
+        return vips.Image.new_from_source(vips.Source.new_from_memory(content), "", **reading)
     try:
         image = vips.Image.new_from_source(vips.Source.new_from_file(os.fsencode(path)), "", **reading)
         too_large(image.width, image.height)
@@ -128,10 +135,10 @@ def _opened(path: Path, max_pixels: int) -> VipsImage:
     except vips.Error:
         from toposeam_cli.media.pictures.pillow_formats import as_png
 
-        content = as_png(path, too_large)
-        if content is None:
+        png = as_png(path, too_large)
+        if png is None:
             raise
-        return vips.Image.new_from_source(vips.Source.new_from_memory(content), "", **reading)
+        return vips.Image.new_from_source(vips.Source.new_from_memory(png), "", **reading)
     return image
 
 
@@ -160,6 +167,10 @@ def size_of(path: Path) -> tuple[int, int]:
         If there is no such file, or it is no picture.
     """
     check_input(path)
+    if path.suffix.lower() == EXR:
+        from toposeam_cli.media.pictures.openexr import exr_size
+
+        return exr_size(path)
     vips = load_vips()
     try:
         image = vips.Image.new_from_source(vips.Source.new_from_file(os.fsencode(path)), "")

@@ -87,7 +87,10 @@ _WEBP = _Format(
     options={"lossless": True, "exact": True, "effort": 2},
 )
 
+_EXR = _Format(saver="", depths=DEPTHS[2:])
+
 _FORMATS = {".png": _PNG, ".tif": _TIFF, ".tiff": _TIFF, ".jpg": _JPEG, ".jpeg": _JPEG, ".webp": _WEBP}
+_FORMATS |= {".exr": _EXR}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -258,6 +261,7 @@ def write_picture(
     - ``.jpg``, ``.jpeg``: rounded to 8 bits, quality 95 without colour subsampling; full alpha is
       dropped, any other refused.
     - ``.webp``: rounded to 8 bits, RGB, lossless.
+    - ``.exr``: float, without profile and metadata; only of textures.
 
     Parameters
     ----------
@@ -285,7 +289,7 @@ def write_picture(
     OutputError
         If writing fails; an existing file is then still there, unchanged.
     """
-    path = check_output(path, force)
+    path = check_output(path, force, tuple(_FORMATS))
     kind = _FORMATS[path.suffix.lower()]
     picture = _fit(path, picture, kind, keep)
     options = dict(kind.options)
@@ -304,6 +308,11 @@ def write_picture(
     vips = load_vips()
     image = vips_image(picture)
     with replacing(path, force) as temporary:
+        if kind is _EXR:
+            from toposeam_cli.media.pictures.openexr import write_exr
+
+            write_exr(temporary, picture.pixels, picture.alpha)
+            return
         try:
             evaluate(image, lambda: getattr(image, kind.saver)(os.fsencode(temporary), **options))
         except vips.Error as error:

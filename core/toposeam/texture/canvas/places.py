@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 
 from toposeam.arrays import Floats32, Indices, Ints32, Mask
 
+#: Mean square, as a share of the guide's variance, by which what a patch stands for is off at most where the
+#: patch follows the guide.
+_OFF = 0.02
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Guide:
     """The desired appearance of a texture, patch by patch."""
 
@@ -20,6 +25,18 @@ class Guide:
     target: Floats32
     #: Its share in the choice, in [0, 1]; the rest is the overlap's.
     weight: float
+
+    @cached_property
+    def variance(self) -> float:
+        """Variance of what is wanted."""
+        return float(self.target.var(axis=(0, 1)).sum())
+
+    def followed(self, rows: Indices, columns: Indices, source: Ints32) -> bool:
+        """Test whether a patch, (h, w) flat indices of the atlas, is what is wanted on some rows (h, 1) and
+        columns (1, w).
+        """
+        off = self.source.reshape(-1, self.source.shape[2])[source] - self.target[rows, columns]
+        return float(np.square(off).sum(axis=2).mean()) <= _OFF * self.variance
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

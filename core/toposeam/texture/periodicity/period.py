@@ -35,6 +35,8 @@ _LEAST_KEPT = 0.85
 _SAME = 0.1
 #: Least likeness at the shifts of an order that is only guessed.
 _LIKELY = 0.4
+#: Least number of its cells that a sample has room for: with fewer, nearly any two shifts look like one.
+_LEAST_CELLS = 4
 #: Largest stretch by which an order is made to close, and largest stretch that is not seen, as shares. Lines
 #: that are bent a little where patches meet look better than broken ones; beyond, hexagons get borders twice.
 STRETCH, UNSEEN = 0.12, 0.005
@@ -232,6 +234,8 @@ def likely_order(features: Floats32, usable: Mask) -> Order | None:
     smooth, _, element = found
     lattice, strength = coarse_lattice(smooth, element)
     if lattice is None or strength < _LIKELY:
+        return None
+    if _LEAST_CELLS * abs(np.linalg.det(lattice)) > np.count_nonzero(usable):
         return None
     return Order(np.asarray(np.linalg.inv(lattice).T, np.float64), strength)
 

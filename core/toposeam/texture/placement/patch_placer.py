@@ -185,6 +185,11 @@ class PatchPlacer:
             self.phase.begin(at, place, shape)
         return place
 
+    def follows(self, at: tuple[int, int], source: Ints32) -> bool:
+        """Test whether a patch, (h, w) flat indices, follows the guide, if there is one."""
+        rows, columns, _ = self.canvas.window(*at, *source.shape)
+        return self._guide is None or self._guide.followed(rows, columns, source)
+
     def reach(self, shape: tuple[int, int]) -> int:
         """Compute the distance, px, round a patch's window that must be laid before a place is picked."""
         return max(self.margin, max(shape) // 2) if self._turned else self.margin

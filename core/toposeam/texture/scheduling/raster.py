@@ -9,7 +9,7 @@ from toposeam.errors import OptionError, Term
 from toposeam.texture.canvas.index_canvas import IndexCanvas
 from toposeam.texture.placement.patch_placer import PatchPlacer
 from toposeam.texture.scheduling.process_pool import Crew
-from toposeam.texture.scheduling.wavefronts import Laying, lay_wave, waves_of
+from toposeam.texture.scheduling.wavefronts import Laying, LayingGuided, lay_wave, waves_of
 
 #: Least side of a texture that repeats, px.
 SMALLEST_TILE = 16
@@ -21,6 +21,8 @@ def lay_all(
     overlap: int,
     crew: Crew,
     progress: Callable[[float], None] | None = None,
+    *,
+    guided: bool = False,
 ) -> tuple[int, int]:
     """Fill the canvas.
 
@@ -33,6 +35,8 @@ def lay_all(
         The processes that lay them; its tool is the placer.
     progress : callable, optional
         Called with the share of the patches laid.
+    guided : bool
+        Whether they are laid only where they follow the guide.
 
     Returns
     -------
@@ -46,7 +50,7 @@ def lay_all(
     waves = waves_of(rows[1], columns[1], shape[1] + placer.reach(shape), round_length)
     done, count = 0, len(rows[1]) * len(columns[1])
     for wave in waves:
-        lay_wave(placer, crew, Laying, wave, shape)
+        lay_wave(placer, crew, LayingGuided if guided else Laying, wave, shape)
         done += len(wave)
         if progress is not None:
             progress(done / count)

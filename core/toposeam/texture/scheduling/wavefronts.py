@@ -43,6 +43,15 @@ class Laying:
         return None if site is None else self._placer.shows(site, self._placer.patch(place, self._shape))
 
 
+class LayingGuided(Laying):
+    """Patches that are laid only where they follow the guide."""
+
+    def shows(self, at: At, place: At) -> Mask | None:
+        """Find where the patch from a place shows; None if it does not follow the guide."""
+        follows = self._placer.follows(at, self._placer.patch(place, self._shape))
+        return super().shows(at, place) if follows else None
+
+
 def lay_wave(
     placer: PatchPlacer, crew: Crew, kind: type, windows: Sequence[At], shape: tuple[int, int]
 ) -> list[bool]:

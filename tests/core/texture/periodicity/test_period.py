@@ -96,6 +96,8 @@ def test_an_order_of_few_periods_is_guessed(sample):
     everywhere = np.ones((150, 150), bool)
     assert find_order(image, everywhere) is None
     assert spans(likely_order(image, everywhere).periods, (60, 0), (0, 52))
+    alone = np.ones((150, 80), bool)  # 3.8 cells
+    assert likely_order(image[:, :80], alone) is None
     noise = sample(0, (128, 128))[..., np.newaxis] / np.float32(255)
     assert likely_order(noise, np.ones((128, 128), bool)) is None
     assert likely_order(np.full((64, 64, 1), 0.5, np.float32), np.ones((64, 64), bool)) is None

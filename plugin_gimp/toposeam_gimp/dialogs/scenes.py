@@ -31,18 +31,20 @@ OF = {
     "pattern": "repeat",
     "clip": "loop",
 }
-#: Most pixels of which a preview is made.
-MOST_PIXELS = 300_000
-#: Most pixels where a preview takes longer than that of seams: of each layer that is placed, of tiles and of
-#: samples, so that a preview takes at most a second (benchmarks/gimp.py).
-_MOST_PLACED, _MOST_TILED, _MOST_SAMPLED = 60_000, 80_000, 50_000
+#: Most pixels of which a preview is made; that of seams is drawn smaller first.
+MOST_PIXELS = 1_200_000
+#: Most pixels of layers that are placed: of each, and of all together, which shows a panorama of a megapixel.
+_MOST_PLACED, _MOST_TOGETHER = 800_000, 3_000_000
+#: Most pixels where a preview takes longer than that of seams: of tiles and of samples, so that it takes at
+#: most a second (benchmarks/gimp.py).
+_MOST_TILED, _MOST_SAMPLED = 80_000, 50_000
 _MOST_GROWN, _MOST_LOOPED = 32_000, 150_000
 #: Surroundings of a hole that are shown on each side, as multiples of its size: in general, and where the
-#: preview is the result.
-_SURROUNDINGS, _CLOSE = 1.2, 0.6
+#: preview is the result; at least so many px then.
+_SURROUNDINGS, _CLOSE, _LEAST_SHOWN = 1.2, 0.6, 250
 #: Largest area, pixels, in which a hole is filled at full size. It reaches beyond the hole by the second
 #: number, px, or by the third times the hole's longer side, whichever is more, and by the fourth, px.
-_MOST_FILLED, _SEARCHED, _REACH, _BEYOND = 1_800_000, 512, 1.5, 64
+_MOST_FILLED, _SEARCHED, _REACH, _BEYOND = 12_000_000, 512, 1.5, 64
 #: Size up to which a layer is searched as a whole, pixels.
 _SMALL = 1 << 20
 #: Least side of a frame in a preview of an animation, px.
@@ -83,7 +85,8 @@ def _panorama(folder: RequestFolder, image: Gimp.Image, drawables: Layers, _opti
 def _placed(folder: RequestFolder, image: Gimp.Image, drawables: Layers) -> Scene:
     """Send layers of unknown place, large enough that their places can be found."""
     layers = layers_to_join(image, drawables)
-    scale = _scale(sum(_area(_box(layer)) for layer in layers), _MOST_PLACED * len(layers))
+    most = min(_MOST_PLACED * len(layers), _MOST_TOGETHER)
+    scale = _scale(sum(_area(_box(layer)) for layer in layers), most)
     rasters = [
         pixels.send_reduced(folder, image, layer, f"layer-{index}", scale)
         for index, layer in enumerate(layers)
@@ -171,7 +174,8 @@ def _hole(folder: RequestFolder, image: Gimp.Image, drawables: Layers, options: 
     if options["from"] != "other" and _area(searched) <= _MOST_FILLED:
         # Small enough that the preview is the result.
         box = whole if _area(whole) <= _SMALL else _united(searched, shown)
-        shown = pixels.common(whole, _grown(selected, round(_CLOSE * max(selected[2:])))) or shown
+        near = max(round(_CLOSE * max(selected[2:])), _LEAST_SHOWN)
+        shown = pixels.common(whole, _grown(selected, near)) or shown
         about = {"shown": [shown[0] - box[0], shown[1] - box[1], *shown[2:]]}
     most = _area(box) if about else _MOST_GROWN
     made = _texture("fill", folder, image, drawables, 1.0, box=box, most=most)

@@ -252,6 +252,29 @@ def tile_sums(
     return sums
 
 
+def tiles_of(strokes: Gimp.Layer) -> dict[str, bytes]:
+    """Return the pixels of each tile of strokes that is not transparent, RGBA in 8 bits."""
+    buffer, name, tiles = strokes.get_buffer(), Format.RGBA_U8.value, {}
+    for corner in tile_sums(strokes):
+        place = Gegl.Rectangle.new(*box_of_tiles(strokes, [corner]))
+        tiles[corner] = buffer.get(place, 1.0, name, Gegl.AbyssPolicy.NONE)
+    return tiles
+
+
+def put_tiles(strokes: Gimp.Layer, tiles: Mapping[str, bytes]) -> None:
+    """Give tiles of strokes other pixels, empty ones for transparent ones; undo takes it back."""
+    size = strokes.get_width(), strokes.get_height()
+    whole = Gegl.Rectangle.new(0, 0, *size)
+    shadow, name = strokes.get_shadow_buffer(), Format.RGBA_U8.value
+    strokes.get_buffer().copy(whole, Gegl.AbyssPolicy.NONE, shadow, whole)
+    for corner, content in tiles.items():
+        box = box_of_tiles(strokes, [corner])
+        shadow.set(Gegl.Rectangle.new(*box), name, content or bytes(4 * box[2] * box[3]))
+    shadow.flush()
+    strokes.merge_shadow(True)
+    strokes.update(0, 0, *size)
+
+
 @cache
 def _sum_of_blank(value: int, size: int) -> int:
     return zlib.crc32(bytes([value]) * size)

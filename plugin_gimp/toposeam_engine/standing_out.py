@@ -20,11 +20,14 @@ _LEVELS, _BLUR = 16, 0.8
 #: Share of the border whose colours count as rare there.
 _RARE = 0.03
 #: Least share of the selection that one thing has; and least and largest share of all things together.
-_SPECK, _LEAST, _MOST_SHARE = 0.005, 0.02, 0.8
+_SPECK, _LEAST, _MOST_SHARE = 0.005, 0.02, 0.4
+#: Largest share of a thing that lies on the border.
+_CUT = 0.03
 
 
 def standing_out(image: Image, selected: Mask) -> Mask | None:
-    """Return the (H, W) bool mask of the things in a selection: pixels whose colours are rare on its border.
+    """Return the (H, W) bool mask of the things in a selection: pixels whose colours are rare on its border,
+    where hardly any of them lie there.
 
     Parameters
     ----------
@@ -33,7 +36,7 @@ def standing_out(image: Image, selected: Mask) -> Mask | None:
 
     Returns
     -------
-    (H, W) bool array, or None where nothing stands out, or nearly all does
+    (H, W) bool array, or None where nothing stands out, or too much does
     """
     if not selected.any():
         return None
@@ -52,11 +55,11 @@ def standing_out(image: Image, selected: Mask) -> Mask | None:
     index = np.ravel_multi_index(tuple(np.moveaxis(levels, 2, 0)), shape)
     counts = np.bincount(index[border], minlength=math.prod(shape)).reshape(shape).astype(np.float32)
     often = scipy.ndimage.gaussian_filter(counts, _BLUR).ravel()[index]
-    things = inside & ~border & (often < np.quantile(often[border], _RARE))
-    things = scipy.ndimage.binary_opening(things)
+    things = scipy.ndimage.binary_opening(inside & (often < np.quantile(often[border], _RARE)))
     things = scipy.ndimage.binary_fill_holes(scipy.ndimage.binary_closing(things, iterations=3)) & inside
     numbers: npt.NDArray[np.intp] = scipy.ndimage.label(things)[0]
     sizes = np.bincount(numbers.ravel())
+    sizes[np.bincount(numbers[border], minlength=len(sizes)) > _CUT * sizes] = 0  # the selection cuts it
     sizes[0] = 0
     things = (sizes >= _SPECK * area)[numbers]
     if not _LEAST * area <= np.count_nonzero(things) <= _MOST_SHARE * area:

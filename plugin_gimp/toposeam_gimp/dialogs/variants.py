@@ -12,7 +12,7 @@ _COUNT = 3
 
 
 class Variants:
-    """The variants of a preview, and a button for each that is there.
+    """The variants of a preview, and a button for each, also for those that are still drawn.
 
     Parameters
     ----------
@@ -32,7 +32,6 @@ class Variants:
                 (self._buttons or [None])[0], f"_{index + 1}"
             )
             button.set_mode(False)
-            button.set_sensitive(False)
             button.set_tooltip_text(_("Shows this variant, which OK takes"))
             button.connect("toggled", self._chosen, index)
             self.widget.pack_start(button, False, False, 0)
@@ -43,14 +42,11 @@ class Variants:
         if not self._first <= seed < self._first + _COUNT:
             self._first = min(seed, most - _COUNT)
         self._pictures = []
-        for button in self._buttons:
-            button.set_sensitive(False)
         self._buttons[seed - self._first].set_active(True)
         return self._first
 
     def add(self, picture: GdkPixbuf.Pixbuf) -> int | None:
         """Add a variant; return the seed of the next one, or None after the last."""
-        self._buttons[len(self._pictures)].set_sensitive(True)
         self._pictures.append(picture)
         done = len(self._pictures)
         return self._first + done if done < _COUNT else None
@@ -60,5 +56,5 @@ class Variants:
         return self._pictures[min(seed - self._first, len(self._pictures) - 1)] if self._pictures else None
 
     def _chosen(self, button: Gtk.RadioButton, index: int) -> None:
-        if button.get_active() and button.get_sensitive():
+        if button.get_active():
             self._take(self._first + index)

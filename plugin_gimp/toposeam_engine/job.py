@@ -17,6 +17,8 @@ class EngineJob:
     folder: Path
     request: Mapping[str, Any]
     progress: Callable[[float], None]
+    #: Names what is done next: "places", "seams" or "blending".
+    step: Callable[[str], None] = lambda _name: None
     _written: list[str] = field(default_factory=list)
 
     @property

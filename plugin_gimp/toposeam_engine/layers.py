@@ -123,30 +123,28 @@ def blending(options: Mapping[str, Any]) -> dict[str, Any]:
 def changes_of(
     job: EngineJob,
     layers: Sequence[ts.Layer],
-    stitched: ts.layers.Composition,
+    found: ts.layers.Composition,
     canvas: Canvas,
     within: Box | None = None,
 ) -> dict[str, Any] | None:
     """Return a raster of the pixels in which the composite differs from the masked layers, all others
     transparent; None if there are none. With a box of the canvas it is the raster of that.
     """
-    changed = np.zeros(canvas.shape, bool)
-    for layer, mask in zip(layers, stitched.masks, strict=True):
+    box = canvas.box if within is None else within
+    image, alpha = found.window(*box.slices)
+    labels, changed = found.label_map[box.slices], np.zeros(box.shape, bool)
+    for index, layer in enumerate(layers):
         place = canvas.place(layer)
         for top in range(place.top, place.bottom, 256):
-            part = np.s_[top : min(top + 256, place.bottom), place.left : place.right]
-            own = layer.image[part[0].start - place.top : part[0].stop - place.top]
-            blended = stitched.image[part]
-            differs = blended != (own if own.ndim == blended.ndim else own[..., np.newaxis])
-            changed[part] |= (differs if differs.ndim == 2 else differs.any(axis=2)) & mask[part]
-    if within is None:
-        if not changed.any():
-            return None
-        within = Box.of(*box_of(changed))
-    box, (top, left) = within.slices, within[:2]
-    image = stitched.image
-    alpha = (
-        np.broadcast_to(full_scale(image.dtype), canvas.shape) if stitched.alpha is None else stitched.alpha
-    )
-    raster = job.write(with_alpha(image[box], np.where(changed[box], alpha[box], image.dtype.type(0))))
+            strip = place._replace(top=top, bottom=min(top + 256, place.bottom)).shared(box)
+            if not all(strip.shape):
+                continue
+            here, own = strip.within(box), layer.image[strip.within(place)]
+            differs = image[here] != (own if own.ndim == image.ndim else own[..., np.newaxis])
+            changed[here] |= (differs if differs.ndim == 2 else differs.any(axis=2)) & (labels[here] == index)
+    kept = np.s_[:, :] if within is not None else box_of(changed) if changed.any() else None
+    if kept is None:
+        return None
+    top, left = box.top + (kept[0].start or 0), box.left + (kept[1].start or 0)
+    raster = job.write(with_alpha(image[kept], np.where(changed[kept], alpha[kept], image.dtype.type(0))))
     return {**raster, "at": [canvas.origin[0] + left, canvas.origin[1] + top]}

@@ -12,21 +12,12 @@ import toposeam as ts
 from toposeam.images import full_scale
 from toposeam.layers.boundary.fit import fitted_boundary
 from toposeam.layers.canvas.largest_rectangle import largest_full
-from toposeam.layers.canvas.transforms import (
-    MeshTransform,
-    Transform,
-    fitted_transforms,
-    is_move,
-    similarity,
-)
+from toposeam.layers.canvas.transforms import Transform, fitted_transforms, is_move
 from toposeam.layers.canvas.warping import on_canvas
 from toposeam.layers.registration.find_places import PlaceOptions, found_places
 
 #: Options of :func:`toposeam.find_places`.
 _PLACE_OPTIONS = ("model", "projection", "level")
-#: Least distance of what a seam passes that is told, px: where the pictures are up to 2.6 px apart, nothing
-#: was to be seen in any of 14 panoramas.
-_WORTH_PX = 3.0
 
 
 class PlacedLayers(NamedTuple):
@@ -37,9 +28,8 @@ class PlacedLayers(NamedTuple):
     numbers: list[int]
     #: The placement that was found; None if places were given.
     placement: ts.layers.Placement | None = None
-    #: Whether the canvas is fitted to a rectangle, and how its boundary was bent; None where it was not.
+    #: Whether the canvas is fitted to a rectangle.
     fits: bool = False
-    boundary: MeshTransform | None = None
 
     @property
     def about(self) -> dict[str, Any]:
@@ -56,20 +46,6 @@ class PlacedLayers(NamedTuple):
             "goes_round": found.wrap is not None,
         }
 
-    def misfits(self, made: Framed) -> list[dict[str, Any]]:
-        """Return where seams pass what does not fit, in px of the canvas, if it is likely to be noticed."""
-        found = self.placement
-        if found is None:
-            return []
-        (bent,) = fitted_transforms([similarity((0, 0))], self.boundary, found.wrap)
-        shift = np.subtract(made.layers[0].at, found.layers[0].at)
-        told = made.shown.misfits(found, lambda points: bent.to_canvas(points) + shift)
-        return [
-            {"between": [self.numbers[i], self.numbers[j]], "off": round(off, 1), "at": list(at)}
-            for (i, j), off, at in told
-            if off >= _WORTH_PX
-        ]
-
 
 def placed(
     layers: Sequence[ts.Layer], options: dict[str, Any], progress: Callable[[float], None]
@@ -85,7 +61,6 @@ def placed(
         return PlacedLayers(list(ts.layers.align(layers).layers), list(range(len(layers))))
     if places != "anywhere":
         raise ts.OptionError(f"places is {places!r}; give 'given', 'near' or 'anywhere'")
-    boundary: MeshTransform | None = None
     if scans:
         found = ts.find_places(layers, exact=True, progress=progress)
         return PlacedLayers(_on_canvas(found.layers, layers[found.numbers[0]].at), list(found.numbers), found)
@@ -95,16 +70,15 @@ def placed(
     def laid(
         pictures: Sequence[ts.Layer], transforms: Sequence[Transform], wrap: int | None
     ) -> list[ts.Layer]:
-        nonlocal boundary, fits
+        nonlocal fits
         fits = fits and not all(map(is_move, transforms))
-        if fits:
-            boundary = fitted_boundary(pictures, transforms, wrap)
+        boundary = fitted_boundary(pictures, transforms, wrap) if fits else None
         bent = fitted_transforms(transforms, boundary, wrap)
         return [on_canvas(*item) for item in zip(pictures, bent, strict=True)]
 
     found = found_places(layers, PlaceOptions(**chosen), progress, None, laid)
     laid_out = _on_canvas(found.layers, layers[found.numbers[0]].at)
-    return PlacedLayers(laid_out, list(found.numbers), found, fits, boundary)
+    return PlacedLayers(laid_out, list(found.numbers), found, fits)
 
 
 def _on_canvas(layers: Sequence[ts.Layer], first: tuple[int, int]) -> list[ts.Layer]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -28,33 +28,83 @@ from toposeam_engine.places import framed
 _LENGTHS = {"blend_width": 1, "patch": 8, "overlap": 2, "band": 4, "width": 16, "height": 16}
 #: Largest size of a motif, px, and most iterations: in a first preview, and in the final one.
 _MOTIF_PX, _MOTIF_ITERATIONS = {False: 96, True: 384}, {False: 18, True: 80}
+#: Most pixels of the layers of a first preview of seams: together, and of each that must be placed.
+_MOST_JOINED, _MOST_PLACED = 400_000, 60_000
 #: Most pixels of a preview that was made at full size.
-_MOST_SHOWN = 400_000
+_MOST_SHOWN = 3_000_000
+#: Area in which a hole is filled at full size at once, pixels, and that of a first preview of a larger one.
+_MOST_FILLED, _MOST_ROUGH = 1_800_000, 32_000
+#: Gap between layers whose places are unknown, px.
+_GAP_PX = 8
 #: Divisor of the values of pixels that are not copied.
 _DARKER = 3
 
 
 def preview(job: EngineJob) -> dict[str, Any]:
     """Return the picture of an operation's result, (H, W, 4) or (H, W, 2) with opacity last."""
-    options = _reduced(job.options, float(job.request["scale"]))
+    options = _scaled(job.options, float(job.request["scale"]))
     if "places" in job.request:
         options["places"] = job.request["places"]
     for name in ("width", "height"):  # sizes of a texture, of which only a part is shown
         if name in options:
             options[name] = max(int(options[name] * float(job.request.get("extent", 1))), _LENGTHS[name])
     shows = _COPIED if job.request.get("copied") else _BEFORE if job.request.get("before") else _SHOWN
-    shown = shows[str(job.request["of"])](
-        dataclasses.replace(job, request={**job.request, "options": options})
-    )
-    return {"picture": job.write(shown)}
+    of, job = str(job.request["of"]), dataclasses.replace(job, request={**job.request, "options": options})
+    rough = of == "motif"
+    if of in ("stitch", "patch", "fill") and shows is _SHOWN:
+        job, rough = _reduced(job)
+    return {"picture": job.write(shows[of](job)), "rough": rough and not job.request.get("exact")}
 
 
-def _reduced(options: dict[str, Any], scale: float) -> dict[str, Any]:
+def _scaled(options: dict[str, Any], scale: float) -> dict[str, Any]:
     """Return the options for reduced pixels; 0 keeps its meaning."""
     return {
         name: max(type(value)(value * scale), _LENGTHS[name]) if value and name in _LENGTHS else value
         for name, value in options.items()
     }
+
+
+class _Reduced(EngineJob):
+    """A job whose pixels are reduced by a whole factor."""
+
+    def read(self, raster: Mapping[str, Any]) -> Any:
+        """Read a raster as it is, and return its blocks' means."""
+        return _blocks(super().read({**raster, **raster["full"]}), int(raster["step"]))
+
+
+def _reduced(job: EngineJob) -> tuple[EngineJob, bool]:
+    """Return a job with layers that are small enough for a first preview of seams, unless the exact one is
+    asked for, and whether they were reduced.
+    """
+    layers = job.request.get("layers") or [job.request["layer"]]
+    area = sum(layer["width"] * layer["height"] for layer in layers)
+    most = _MOST_PLACED * len(layers) if job.options.get("places") == "anywhere" else _MOST_JOINED
+    if "layer" in job.request:
+        most = area if area <= _MOST_FILLED else _MOST_ROUGH
+    step = math.ceil(math.sqrt(area / most))
+    if step == 1 or job.request.get("exact"):
+        return job, False
+
+    def small(raster: Mapping[str, Any]) -> dict[str, Any]:
+        size = {name: raster[name] for name in ("width", "height")}
+        about = {name: max(value // step, 1) for name, value in size.items()} | {"full": size, "step": step}
+        if "at" in raster:
+            about["at"] = [round(value / step) for value in raster["at"]]
+        if raster.get("mask"):
+            about["mask"] = small(raster["mask"])
+        return {**raster, **about}
+
+    request = {**job.request, "options": _scaled(job.options, 1 / step)}
+    request["scale"] = float(job.request["scale"]) / step
+    if "layers" in request:
+        request["layers"] = list(map(small, layers))
+    if "shown" in request:
+        request["shown"] = [value // step for value in request["shown"]]
+        request["layer"] = {**request["layer"], "cut_from": request["layer"]["cut_from"] // step**2}
+    for name in ("layer", "selection", "avoid", "source"):
+        if request.get(name):
+            request[name] = small(request[name])
+    return _Reduced(folder=job.folder, request=request, progress=job.progress), True
 
 
 def _stitch(job: EngineJob) -> Image:
@@ -89,8 +139,11 @@ def _with_seams(job: EngineJob, found: ts.layers.Composition) -> Image:
 
 
 def _stacked(job: EngineJob) -> Image:
-    """Return the layers on each other at their places."""
+    """Return the layers on each other at their places, or beside each other if these are unknown."""
     layers = layers_of(job)
+    if job.options.get("places") == "anywhere":
+        ends = np.cumsum([0, *(layer.image.shape[1] + _GAP_PX for layer in layers)])
+        layers = [dataclasses.replace(layer, at=(int(x), 0)) for layer, x in zip(layers, ends, strict=False)]
     canvas = ts.layers.common_canvas(layers)
     first = with_alpha(layers[0].image, None)
     picture = np.zeros((*canvas.shape, first.shape[2]), first.dtype)
@@ -155,9 +208,17 @@ def _darken(picture: Image, where: Mask) -> None:
 
 def _small(picture: Image) -> Image:
     """Return the picture reduced by a whole factor to the size of a preview."""
-    step = math.ceil(math.sqrt(picture.shape[0] * picture.shape[1] / _MOST_SHOWN))
+    return _blocks(picture, math.ceil(math.sqrt(picture.shape[0] * picture.shape[1] / _MOST_SHOWN)))
+
+
+def _blocks(picture: Image, step: int) -> Image:
+    """Return the means of blocks of `step` × `step` pixels."""
     height, width = (max(length // step, 1) for length in picture.shape[:2])
-    blocks = picture[: height * step, : width * step].reshape(height, step, width, step, -1)
+    rows, columns = (
+        np.minimum(np.arange(length * step), most - 1)
+        for length, most in zip((height, width), picture.shape, strict=False)
+    )
+    blocks = picture[rows][:, columns].reshape(height, step, width, step, *picture.shape[2:])
     reduced: Image = np.rint(blocks.mean(axis=(1, 3), dtype=np.float32)).astype(picture.dtype)
     return reduced
 

@@ -22,10 +22,13 @@ from toposeam_engine.layers import (
     with_alpha,
 )
 from toposeam_engine.lines import lines_of
-from toposeam_engine.places import PlacedLayers, framed, placed
+from toposeam_engine.places import Framed, PlacedLayers, framed, placed
+from toposeam_engine.standing_out import standing_out
 
 #: Fraction of the progress bar that is given to finding places, about its share of the time.
 _FINDING_SHARE = 0.5
+#: Share of a patch that must show beside what stands out in it, and where nothing does.
+_LEAST_CORE, _USUAL_CORE = 0.05, 0.5
 
 
 def stitch(job: EngineJob) -> dict[str, Any]:
@@ -42,7 +45,7 @@ def stitch(job: EngineJob) -> dict[str, Any]:
     if "crop" in job.options:
         made = framed(placed, found, str(job.options["crop"]))
         layers, found, result["canvas"] = made.layers, made.found, made.size
-        result["misfits"], result["filled"] = placed.misfits(made), _filled(job, made.shown)
+        result["noticed"], result["filled"] = _noticed(made, placed.numbers), _filled(job, made.shown)
     if job.options.get("places", "given") != "given":
         result["places"] = [list(layer.at) for layer in layers]
     if any(layer.image is not before.image for layer, before in zip(layers, old, strict=True)):
@@ -58,6 +61,8 @@ def stitched(job: EngineJob, layers: Sequence[ts.Layer]) -> tuple[PlacedLayers, 
     options = blending(job.options)
     start = _FINDING_SHARE if options.get("places") == "anywhere" else 0.0
     scans = options.get("pictures") == "scans"
+    if options.get("places", "given") != "given":
+        job.step("places")
     place = placed(layers, options, lambda share: job.progress(share * start))
     tones, shading = (options.pop(f"match_{what}", False) for what in ("tones", "shading"))
     if "crop" in job.options:  # of a panorama, whose vignetting is corrected with its tones or not at all
@@ -71,8 +76,20 @@ def stitched(job: EngineJob, layers: Sequence[ts.Layer]) -> tuple[PlacedLayers, 
         job.progress(start + (1 - start) * share)
 
     options |= {"match_tones": tones, "match_shading": shading}
+    job.step("seams")
     found = ts.stitch(place.layers, avoid=outside(job, place.layers), progress=report, **options)
     return place._replace(layers=list(found.layers)), found
+
+
+def _noticed(made: Framed, numbers: Sequence[int]) -> dict[str, Any] | None:
+    """Return the place on the canvas where a seam is most likely to be noticed; None if none is."""
+    width, height = made.size
+    (left, top), verdicts = made.found.origin, made.found.verdicts()
+    for pair in sorted(verdicts, key=lambda pair: -verdicts[pair].visibility):
+        for x, y in verdicts[pair].places:
+            if 0 <= x + left < width and 0 <= y + top < height:
+                return {"between": [numbers[index] for index in pair], "at": [x + left, y + top]}
+    return None
 
 
 def _filled(job: EngineJob, shown: ts.layers.Composition) -> dict[str, Any] | None:
@@ -96,14 +113,22 @@ def patch(job: EngineJob) -> dict[str, Any]:
 def stitched_patch(job: EngineJob, layers: Sequence[ts.Layer]) -> ts.layers.Composition:
     """Join the layer below and the patch."""
     avoid = avoided_on(job, ts.layers.common_canvas(layers))
-    return ts.stitch(layers, avoid=avoid, progress=job.progress, **blending(job.options))
+    options = blending(job.options)
+    if not options.get("core"):
+        options["core"] = _LEAST_CORE if layers[1].keep is not None else _USUAL_CORE
+    return ts.stitch(layers, avoid=avoid, progress=job.progress, **options)
 
 
 def patch_layers(job: EngineJob) -> list[ts.Layer]:
-    """Read the layer below, and the patch with the selection as its mask."""
+    """Read the layer below, and the patch with the selection as its mask. Unless a share of the patch must
+    show, what stands out in it must.
+    """
     below, above = layers_of(job)
     selected = selected_on(job, ts.layers.common_canvas([above]))
-    return [below, above if selected is None else dataclasses.replace(above, mask=selected)]
+    if selected is None:
+        return [below, above]
+    keep = None if job.options.get("core") else standing_out(above.image, selected)
+    return [below, dataclasses.replace(above, mask=selected, keep=keep)]
 
 
 def outside(job: EngineJob, layers: Sequence[ts.Layer]) -> Any:
@@ -119,6 +144,7 @@ def outside(job: EngineJob, layers: Sequence[ts.Layer]) -> Any:
 
 def _joined(job: EngineJob, layers: Sequence[ts.Layer], found: ts.layers.Composition) -> dict[str, Any]:
     canvas = ts.layers.common_canvas(layers)
+    job.step("blending")
     return {
         "masks": masks_of(job, layers, found.label_map, canvas),
         "labels": kept_of(layers, found.label_map, canvas).pack(job),

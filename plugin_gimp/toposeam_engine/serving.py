@@ -7,6 +7,7 @@ the same nonce as the first line on stdin; any other folder is refused and left 
 on stdout, one JSON object a line::
 
     {"event": "hello", "protocol": 5, "version": "0.2.0"}
+    {"event": "step", "name": "seams"}                  what is done next
     {"event": "progress", "share": 0.25}
     {"event": "alive"}                                  every few seconds, so that silence means trouble
     {"event": "result", "result": {…}}                  or what went wrong:
@@ -289,7 +290,14 @@ def _serve(folder: Path, channel: Channel) -> dict[str, Any]:
     operation: Callable[[EngineJob], dict[str, Any]] = getattr(
         import_module(f"toposeam_engine.{OPERATIONS[name]}"), name
     )
-    return operation(EngineJob(folder=folder, request=request, progress=channel.progress))
+    return operation(
+        EngineJob(
+            folder=folder,
+            request=request,
+            progress=channel.progress,
+            step=lambda name: channel.send("step", name=name),
+        )
+    )
 
 
 def _version() -> str:

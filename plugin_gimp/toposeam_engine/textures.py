@@ -103,6 +103,7 @@ def filled(job: EngineJob) -> Filled:
     """
     options = _usual(job.options, "patch", "overlap", "band")
     other = options.pop("from", "layer") == "other"
+    options.pop("only", None)
     sample, part, copied = _searched(job)
     image, alpha, hole, source = sample.image, sample.alpha, np.asarray(sample.selected), copied
     own = np.s_[: hole.shape[0], : hole.shape[1]]
@@ -144,6 +145,9 @@ def _searched(job: EngineJob) -> tuple[Sample, Part, Mask | None]:
         source = _around(hole)
     elif where == "other" and job.request["source"].get("is_mask"):
         source = _white_of(job, hole.shape)
+    painted = _painted(job, hole.shape)
+    if painted is not None:
+        source = painted if source is None else source & painted
     part = whole = slice(0, hole.shape[0]), slice(0, hole.shape[1])
     if job.request["layer"].get("cut_from", hole.size) > _LARGE:
         part = _surroundings(hole) if source is None else box_of(source | hole, _AROUND_PX)
@@ -178,6 +182,26 @@ def _white_of(job: EngineJob, shape: tuple[int, ...]) -> Mask:
     result[rows, columns] = white[
         rows.start - (top - y) : rows.stop - (top - y), columns.start - (left - x) : columns.stop - (left - x)
     ]
+    return result
+
+
+def _painted(job: EngineJob, shape: tuple[int, ...]) -> Mask | None:
+    """Return the (H, W) bool mask of the discs from which alone may be copied; None for everywhere."""
+    text = str(job.options.get("only", ""))
+    if not text:
+        return None
+    try:
+        discs = np.array([[float(value) for value in disc.split(",")] for disc in text.split(";")])
+        x, y, radius = (discs * float(job.request.get("scale", 1))).T
+    except ValueError as error:
+        raise ts.OptionError(f"only is {text!r:.60}; give discs as x,y,radius with ; between them") from error
+    left, top = place_of(job.request["layer"])
+    result = np.zeros(shape, bool)
+    for column, row, reach in zip(x - left, y - top, radius, strict=True):
+        rows = np.arange(max(int(row - reach), 0), min(int(row + reach) + 1, shape[0]))
+        columns = np.arange(max(int(column - reach), 0), min(int(column + reach) + 1, shape[1]))
+        near = (rows[:, np.newaxis] - row) ** 2 + (columns - column) ** 2 <= reach**2
+        result[np.ix_(rows, columns)] |= near
     return result
 
 

@@ -79,6 +79,8 @@ def _add(procedure: Gimp.Procedure, option: Option) -> None:
         procedure.add_int_argument(*text, int(option.low), int(option.high), value, _READ_WRITE)
     elif isinstance(value, float):
         procedure.add_double_argument(*text, option.low, option.high, value, _READ_WRITE)
+    elif not option.choices:
+        procedure.add_string_argument(*text, value, _READ_WRITE)
     else:
         choice = Gimp.Choice.new()
         for index, (nick, label) in enumerate(option.choices):
@@ -104,6 +106,7 @@ def _run(
         entry=entry,
         interactive=interactive,
         show_progress=Gimp.progress_update,
+        show_step=Gimp.progress_set_text,
     )
     try:
         name, function = entry.work.split(".")

@@ -13,6 +13,7 @@ from toposeam.layers.registration import Residual
 from toposeam_cli.commands.stitch import stitch
 from toposeam_engine import serving
 from toposeam_engine.places import PlacedLayers
+from toposeam_engine.standing_out import standing_out
 from toposeam_gimp.entries.seams import SEAM_ENTRIES
 
 #: Rows and columns of two layers on their canvas.
@@ -305,3 +306,52 @@ def test_pixels_that_are_described_wrongly_are_refused(request_folder, pair, cha
     layers = [request_folder.raster("a", pair[0]), request_folder.raster("b", pair[1], (20, 5))]
     layers[1] = {name: value for name, value in {**layers[1], **changes}.items() if value is not None}
     assert phrase in message_of(request_folder.ask(operation="stitch", layers=layers))
+
+
+def test_steps_are_named(request_folder):
+    rng = np.random.default_rng(4)
+    whole = ndimage.gaussian_filter(rng.random((160, 260, 3)), (2, 2, 0))
+    whole = (255 * (whole - whole.min()) / np.ptp(whole)).astype(np.uint8)
+    layers = [request_folder.raster("a", whole[20:, 90:]), request_folder.raster("b", whole[:, :160])]
+    _code, events = request_folder.ask(operation="stitch", layers=layers, options={"places": "anywhere"})
+    steps = [event["name"] for event in events if event["event"] == "step"]
+    assert steps == ["places", "seams", "blending"]
+
+
+def _with_a_thing():
+    """A patch of dim noise with a bright bar from its middle downwards, and the bar's mask."""
+    rng = np.random.default_rng(2)
+    pixels = np.dstack([rng.integers(90, 120, (120, 100, 3)), np.full((120, 100), 255)]).astype(np.uint8)
+    thing = np.zeros((120, 100), bool)
+    thing[30:108, 44:58] = True
+    pixels[thing, :3] = [220, 40, 40]
+    return pixels, thing
+
+
+def test_what_stands_out_of_a_patch_stays_whole(request_folder):
+    pixels, thing = _with_a_thing()
+    y, x = np.mgrid[:120, :100]
+    selected = np.where(((x - 50) / 48) ** 2 + ((y - 62) / 58) ** 2 <= 1, 255, 0).astype(np.uint8)
+    below = np.dstack([np.random.default_rng(5).integers(90, 120, (200, 200, 3)), np.full((200, 200), 255)])
+    below[105:140, 60:150, :3] = [220, 40, 40]  # over which the seam would rather run
+    layers = [request_folder.raster("below", below.astype(np.uint8))]
+    layers.append(request_folder.raster("patch", pixels, (50, 40)))
+    request = {"operation": "patch", "layers": layers}
+    request["selection"] = request_folder.raster("selection", selected, (50, 40))
+    shown = {}
+    for core in (0.0, 0.05):
+        result = result_of(request_folder.ask(**request, options={"core": core}))
+        shown[core] = request_folder.pixels(result["masks"][1]) > 0
+    assert shown[0.0][thing].mean() > 0.99
+    assert shown[0.05][thing].mean() < 0.9
+
+
+def test_nothing_stands_out_of_noise():
+    pixels, thing = _with_a_thing()
+    whole = np.ones(thing.shape, bool)
+    found = standing_out(pixels[..., :3], whole)
+    assert found[thing].mean() > 0.95
+    assert found[~thing].mean() < 0.1
+    noise = np.random.default_rng(2).integers(90, 120, (120, 100, 3)).astype(np.uint8)
+    assert standing_out(noise, whole) is None
+    assert standing_out(noise, ~whole) is None

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from engine_requests import result_of
+from engine_requests import message_of, result_of
 
 import toposeam as ts
 
@@ -258,3 +258,32 @@ def test_another_picture_of_any_size_fills_the_hole(request_folder, rng, opacity
     part[made[..., 3] > 0] = made[made[..., 3] > 0][:, :3]
     np.testing.assert_array_equal(shown, expected)
     assert (shown[hole > 0] != pixels[hole > 0]).any()
+
+
+def _from_discs(request_folder, rng, only):
+    pixels, hole = rng.integers(100, 200, (300, 320, 3), np.uint8), np.zeros((300, 320), np.uint8)
+    hole[200:230, 200:230] = 255
+    scene = {
+        "operation": "preview",
+        "of": "fill",
+        "scale": 1.0,
+        "copied": True,
+        "layer": request_folder.raster("layer", pixels, (30, 20)),
+        "selection": request_folder.raster("hole", hole, (30, 20)),
+        "source": None,
+    }
+    answer = request_folder.ask(**scene, options={**OPTIONS, "only": only})
+    return answer, pixels
+
+
+def test_only_what_was_painted_is_copied(request_folder, rng):
+    answer, pixels = _from_discs(request_folder, rng, "130,120,40;160,120,40")
+    drawn = request_folder.pixels(result_of(answer)["picture"])[..., :3]
+    y, x = np.mgrid[:300, :320]
+    painted = np.minimum(np.hypot(x - 100, y - 100), np.hypot(x - 130, y - 100)) <= 40
+    np.testing.assert_array_equal((drawn == pixels).all(axis=2), painted)
+
+
+@pytest.mark.parametrize("only", ["here", "1,2", "1,2,3;4"])
+def test_discs_that_are_none_are_refused(request_folder, rng, only):
+    assert "give discs as x,y,radius" in message_of(_from_discs(request_folder, rng, only)[0])

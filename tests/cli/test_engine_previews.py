@@ -97,3 +97,37 @@ def test_the_preview_of_an_animation_stacks_its_frames(request_folder):
     shown = request_folder.pixels(result_of(request_folder.ask(operation="preview", **request))["picture"])
     expected = ts.loop(clip[..., :3], length=6, transition=2).frames
     np.testing.assert_array_equal(shown[..., :3].reshape(6, 12, 16, 3), expected)
+
+
+@pytest.mark.parametrize("before", [False, True])
+def test_a_large_preview_of_seams_is_drawn_small_first(request_folder, before):
+    rng = np.random.default_rng(0)
+    whole = np.kron(rng.integers(0, 256, (70, 110, 3)), np.ones((10, 10, 1))).astype(np.uint8)
+    whole = np.dstack([whole, np.full(whole.shape[:2], 255, np.uint8)])
+    layers = [
+        request_folder.raster("left", whole[:, :700]),
+        request_folder.raster("right", whole[:, 400:], (400, 0)),
+    ]
+    scene = {"operation": "preview", "of": "stitch", "scale": 0.5, "layers": layers, "selection": None}
+    scene |= {"options": {"blend": "feather", "blend_width": 40.0}, "before": before, "seam_line": False}
+    first = result_of(request_folder.ask(**scene))
+    rough = request_folder.pixels(first["picture"])
+    second = result_of(request_folder.ask(**scene, exact=True))
+    assert (first["rough"], second["rough"]) == (not before, False)
+    fine = request_folder.pixels(second["picture"])
+    assert fine.shape == whole.shape
+    if not before:
+        assert rough.shape[0] <= whole.shape[0] // 2
+        step = whole.shape[0] // rough.shape[0]
+        height, width = rough.shape[0] * step, rough.shape[1] * step
+        means = fine[:height, :width].reshape(rough.shape[0], step, rough.shape[1], step, 4).mean((1, 3))
+        assert np.abs(means - rough).mean() < 3
+
+
+def test_photographs_lie_beside_each_other_before(request_folder):
+    pixels = np.full((40, 50, 4), 255, np.uint8)
+    layers = [request_folder.raster(name, pixels) for name in "ab"]
+    scene = {"operation": "preview", "of": "stitch", "scale": 1.0, "layers": layers, "selection": None}
+    answer = request_folder.ask(**scene, places="anywhere", options={}, before=True)
+    shown = request_folder.pixels(result_of(answer)["picture"])
+    assert (shown.shape[0], shown[0, :, 3].min(), (shown[0, :, 3] > 0).sum()) == (40, 0, 100)

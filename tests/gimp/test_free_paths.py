@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import toposeam as ts
+from toposeam.vector.polyline import trace_boundary
 from toposeam_engine.lines import lines_of
 from toposeam_gimp.image import curves
 from toposeam_gimp.image import path_choice as choosing
@@ -152,8 +153,13 @@ def stairs(offsets):
 
 
 def corners(line):
-    """All corners that the pieces of a line pass."""
-    return {(x, y) for piece in line["pieces"] for x, y in np.reshape(piece, (-1, 2)).tolist()}
+    """All corners that the pieces of a line pass, also where they run straight on."""
+    passed = set()
+    for piece in line["pieces"]:
+        for start, end in pairwise(np.reshape(piece, (-1, 2))):
+            count = int(np.abs(end - start).max()) + 1
+            passed |= set(map(tuple, np.linspace(start, end, count).tolist()))
+    return passed
 
 
 @pytest.mark.parametrize("cut", [0, 1])
@@ -167,12 +173,42 @@ def test_curves_are_kept_where_a_seam_runs_as_before(cut):
     if cut:  # traced again, a line may end a pixel earlier
         line = ts.vector.Polyline(line.points[1:-1])
     (after,) = lines_of([line], nowhere, [before])
-    assert after["curves"][:3] == before["curves"][:3]
-    assert after["curves"][-3:] == before["curves"][-3:]
+    assert after["curves"][cut:3] == before["curves"][cut:3]
+    assert after["curves"][-3:-1] == before["curves"][-3:-1]
+    assert cut or after["curves"][-1] == before["curves"][-1]
     assert set(map(tuple, line.points.tolist())) <= corners(after)
     for one, other in pairwise(after["curves"]):
         assert one[6:] == other[:2]
     assert lines_of([stairs(offsets)], nowhere, [before]) == [before]
+
+
+def ring(radius, at):
+    """A closed seam round some pixels."""
+    y, x = np.mgrid[:400, :400]
+    inside = np.hypot(x - at[0], y - at[1]) < radius + 6 * np.sin(np.arctan2(y - at[1], x - at[0]) * 5)
+    (line,) = trace_boundary(inside, np.ones_like(inside))
+    return line
+
+
+def test_a_ring_keeps_its_curves_beside_a_new_one():
+    nowhere = np.zeros(2)
+    (before,) = lines_of([ring(80, (120, 120))], nowhere)
+    shifted = ring(80, (120, 120))
+    points = shifted.outline[:-1]
+    turned = ts.vector.Polyline(np.roll(points, 57, axis=0), closed=True)  # begins elsewhere
+    after, other = lines_of([turned, ring(40, (320, 320))], nowhere, [before])
+    assert after["closed"]
+    assert other["closed"]
+    assert sorted(after["curves"]) == sorted(before["curves"])
+    dented = ring(80, (120, 120)).outline[:-1]
+    dented[(dented[:, 0] > 190)] -= [3, 0]
+    (bent,) = lines_of([ts.vector.Polyline(dented, closed=True)], nowhere, [before])
+    kept = [curve for curve in bent["curves"] if curve in before["curves"]]
+    assert 0 < len(kept) < len(before["curves"])
+    for one, next_one in pairwise([*bent["curves"], bent["curves"][0]]):
+        assert one[6:] == next_one[:2]
+    for one, next_one in pairwise([*bent["pieces"], bent["pieces"][0]]):
+        assert one[-2:] == next_one[:2]
 
 
 @pytest.mark.parametrize("place", [10, 20])

@@ -276,3 +276,25 @@ Gimp.Selection.none(image_of(image))
     low, high = seen(gimp, stitched)
     assert (low[65:95, 395:425] == 255).all()
     assert (high[305:335, 25:55] == 255).all()
+
+
+def test_layers_that_are_not_stitched_yet_are_stitched_first(gimp, image, samples):
+    loaded = image(
+        [samples / f"still_life_{side}.png" for side in ("left", "right")], offsets=[(0, 0), (310, 0)]
+    )
+    made = succeeded(gimp.run(procedure=HINTS, image=loaded["image"], layers=loaded["layers"]))
+    layers = gimp.tree(image=loaded["image"])["layers"]
+    names = [layer["name"] for layer in layers]
+    assert names[:3] == ["How far layers reach", "Seam hints", "Stitched"]
+    assert layers[1]["id"] == made["layer"]
+
+
+def test_a_selected_part_is_a_patch_that_takes_strokes(gimp, image, samples):
+    loaded = image([samples / f"grass_{name}.png" for name in "ab"])
+    refused(gimp, {**loaded, "layers": loaded["layers"][1:]}, "Select a group", HINTS)
+    code = "image_of(number).select_ellipse(Gimp.ChannelOps.REPLACE, 60, 50, 90, 80)"
+    gimp.python(code=code, number=loaded["image"])
+    succeeded(gimp.run(procedure=HINTS, image=loaded["image"], layers=loaded["layers"][1:]))
+    names = [layer["name"] for layer in gimp.tree(image=loaded["image"])["layers"]]
+    assert "Seam hints" in names
+    assert any(name.startswith("Patch of ") for name in names)

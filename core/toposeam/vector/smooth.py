@@ -187,8 +187,9 @@ def _curve(points: Floats, tolerance: float) -> tuple[Floats, float]:
         u = share[:, np.newaxis]
         rest = points - start * (1 - u) ** 3 - end * u**3
         bases = np.hstack([3 * u * (1 - u) ** 2, 3 * u**2 * (1 - u)])
-        much = np.sqrt(weight)[:, np.newaxis]
-        handles = np.linalg.lstsq(bases * much, rest * much, rcond=1e-6)[0]
+        handles = _least_squares(bases, rest, weight)
+        if handles is None:
+            handles = start + np.array([[1.0], [2.0]]) / 3 * (end - start)
         curve = np.stack([start, handles[0], handles[1], end])
         drawn = _cubic(curve, samples[:, np.newaxis])
         distance, nearest = cKDTree(drawn).query(points)
@@ -202,6 +203,19 @@ def _curve(points: Floats, tolerance: float) -> tuple[Floats, float]:
             weight *= distance + 0.1 * tolerance
             weight /= weight.mean()
     return best, least
+
+
+def _least_squares(bases: Floats, rest: Floats, weight: Floats) -> Floats | None:
+    """Return the (2, 2) handles for which Σ weight · |bases · handles − rest|² is least; None if they are
+    undetermined.
+    """
+    weighted = (bases * weight[:, np.newaxis]).T
+    (a, b), (_b, c) = weighted @ bases
+    determinant = a * c - b * b
+    if determinant <= 1e-9 * a * c:
+        return None
+    handles: Floats = np.array([[c, -b], [-b, a]]) @ (weighted @ rest) / determinant
+    return handles
 
 
 def _cubic(curve: Floats, share: Floats) -> Floats:

@@ -10,10 +10,13 @@ from gi.repository import Gimp
 
 from toposeam_gimp.actions.below import picture_below
 from toposeam_gimp.actions.joining import request_of
+from toposeam_gimp.actions.patches import patch_selection
 from toposeam_gimp.actions.restitching import layers_of, restitch
+from toposeam_gimp.actions.seams import stitch_layers
 from toposeam_gimp.engine.call import Call, GoneError, renamed
 from toposeam_gimp.engine.folder import FolderError
 from toposeam_gimp.engine.process import EngineError, keep
+from toposeam_gimp.entries.table import PROCEDURES
 from toposeam_gimp.image import hints, pixels
 from toposeam_gimp.image.layers import (
     RefusedError,
@@ -39,7 +42,7 @@ def paint_hints(call: Call) -> Gimp.Layer:
     layer reaches; choose a colour, but for somebody who has just painted. Make the layer if there is none.
     """
     image = call.image
-    selected = chosen_layers(image, under_masks(call.drawables))
+    selected = _joined(call, chosen_layers(image, under_masks(call.drawables)))
     group, memory = stitched_group(image, selected)
     layers = layers_of(image, memory)
     keep()
@@ -83,6 +86,25 @@ def paint_hints(call: Call) -> Gimp.Layer:
     return strokes
 
 
+def _joined(call: Call, selected: list[Gimp.Layer]) -> list[Gimp.Layer]:
+    """Return the selected layers. Of several that are not stitched yet, or of one of which a part is
+    selected, make the first result by the usual options, and return that.
+    """
+    try:
+        stitched_group(call.image, selected)
+    except RefusedError:
+        if len(selected) > 1:
+            name, work = "plug-in-toposeam-stitch", stitch_layers
+        elif not Gimp.Selection.is_empty(call.image):
+            name, work = "plug-in-toposeam-patch", patch_selection
+        else:
+            raise
+        entry = PROCEDURES[name]
+        usual = {option.name: option.default for option in entry.options}
+        return [work(replace(call, entry=entry, options=usual))]
+    return selected
+
+
 class Painting:
     """What can be done with the strokes of a stitched group while somebody paints.
 
@@ -101,6 +123,9 @@ class Painting:
         #: Names of the layers, the lowest first.
         self.names = [*below, *_names_of(memory, layers_of(call.image, memory))]
         self._marked: list[list[int]] = []
+        self._tiles = pixels.tiles_of(strokes)
+        #: What each stroke covered, by the corner of the tile.
+        self._before: list[dict[str, bytes]] = []
 
     @property
     def goes_on(self) -> bool:
@@ -133,6 +158,28 @@ class Painting:
         """Join the layers again, perhaps only if the strokes have changed; return what is said about it."""
         return self._do(restitch, show_progress, {"painting": True, "news-only": news_only})
 
+    def note_stroke(self) -> None:
+        """Note what the last stroke has changed, for :meth:`undo_stroke`."""
+        now = pixels.tiles_of(self.strokes)
+        corners = {corner for corner in {**self._tiles, **now} if self._tiles.get(corner) != now.get(corner)}
+        self._tiles, before = now, {corner: self._tiles.get(corner, b"") for corner in corners}
+        if self._before and self._before[-1] == {corner: now.get(corner, b"") for corner in corners}:
+            self._before.pop()  # Ctrl+Z took the last one back
+        elif corners:
+            self._before.append(before)
+
+    def undo_stroke(self, show_progress: Told) -> str:
+        """Take back the last stroke that was painted while the window was open, and join the layers again;
+        return what is said about it.
+        """
+        self.note_stroke()
+        if not self._before:
+            return _("There is no stroke of this window left.")
+        with one_undo_step(self._call.image):
+            pixels.put_tiles(self.strokes, self._before.pop())
+        self._tiles = pixels.tiles_of(self.strokes)
+        return self.restitch(show_progress)
+
     def next_place(self, show_progress: Told) -> str:
         """Let guides cross at the next place where a seam may be noticed; return what is said about it."""
         return self._do(self._mark_next, show_progress, {})
@@ -155,6 +202,7 @@ class Painting:
             options=options,
             remarks=[],
             show_progress=show_progress,
+            show_step=lambda _text: None,
         )
         try:
             work(call)

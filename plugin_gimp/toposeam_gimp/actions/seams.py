@@ -143,13 +143,13 @@ def _tell(call: Call, layers: Sequence[Gimp.Layer], used: Sequence[Gimp.Layer], 
         )
     for doubt in answer.get("doubts", ()):
         call.tell(f"{doubt[0].upper()}{doubt[1:]}.")
-    for misfit in answer.get("misfits", ())[:1]:
-        (x, y), off, names = misfit["at"], f"{misfit['off']:.0f}", named(misfit["between"])
+    if noticed := answer.get("noticed"):
+        (x, y), names = noticed["at"], named(noticed["between"])
         call.tell(
             _(
-                "The seam between {names} passes what is {off} px apart near {x},{y}, where guides cross; "
-                "look there, and choose Paint Seam Hints if it shows."
-            ).format(names=names, off=off, x=x, y=y)
+                "The seam between {names} may be noticed near {x},{y}, where guides cross; look there, and "
+                "choose Paint Seam Hints if it shows."
+            ).format(names=names, x=x, y=y)
         )
         if call.interactive:
             mark_place(call.image, (x, y))

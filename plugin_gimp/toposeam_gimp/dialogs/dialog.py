@@ -99,6 +99,8 @@ class Dialog:
         fields = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, spacing=6, hexpand=self._pane is None)
         advanced = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, spacing=6, margin_top=6)
         for option in self._entry.options:
+            if option.hidden:
+                continue
             self._rows[option.name] = row = self._row(option)
             (advanced if option.advanced else fields).pack_start(row, False, False, 0)
         if advanced.get_children():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,7 @@ from gi.repository import GdkPixbuf, Gimp, Gio, GLib, Gtk
 
 from toposeam_gimp.dialogs import scenes
 from toposeam_gimp.dialogs.rehearsal import Preview, Rehearsal
-from toposeam_gimp.dialogs.variants import COUNT, GAP, Variants
+from toposeam_gimp.dialogs.variants import Variants
 from toposeam_gimp.dialogs.zoomed_view import ZoomedView
 from toposeam_gimp.engine.call import GoneError, check_there
 from toposeam_gimp.engine.folder import FolderError, RequestFolder
@@ -19,19 +18,19 @@ from toposeam_gimp.entries.entry import Procedure
 from toposeam_gimp.image.layers import RefusedError
 from toposeam_gimp.texts import _
 
-_SIZE, _WIDE = (360, 300), (600, 300)
+_SIZE, _LARGE = (360, 300), (540, 520)
+#: Radius of the brush for what may be copied, as a share of the picture's longer side; its colour.
+_BRUSH, _BRUSH_COLOUR = 0.04, 0x3584E4FF
 #: The engine's names of previews that show seams.
 _WITH_SEAMS = ("stitch", "patch")
 #: The engine's names of previews that can show the state before.
-_WITH_BEFORE = ("stitch", "patch", "tile", "hole")
+_WITH_BEFORE = ("panorama", "stitch", "patch", "tile", "hole")
 #: Pause after the last change of an option before a preview is asked for, ms, as people type and drag.
 _REST_MS = 150
 #: Largest enlargement of small pictures, and of animations, which have fewer pixels.
 _MOST_ENLARGED, _MOST_ENLARGED_FRAMES = 2.0, 3.0
 #: Interval at which the folder with the pixels is marked as in use, s.
 _ALIVE_S = 120
-#: Space for the frame round one of several pictures and for the gap, px.
-_SPARE = 12
 _MOST_SEED = 2_147_483_647
 
 
@@ -46,10 +45,8 @@ class PreviewPane:
         drawables: Sequence[Gimp.Drawable],
     ) -> None:
         self._config, self._entry, self._image, self._drawables = config, entry, image, drawables
-        self._variants = Variants() if entry.preview == "hole" else None
-        self._row = Gtk.Box(spacing=GAP, halign=Gtk.Align.CENTER, valign=Gtk.Align.CENTER)
-        for _number in range(1 if self._variants is None else COUNT):
-            self._row.pack_start(Gtk.Image(), False, False, 0)
+        self._variants = Variants(self._take) if entry.preview == "hole" else None
+        self._picture = Gtk.Image(halign=Gtk.Align.CENTER, valign=Gtk.Align.CENTER)
         self._text = Gtk.Label(wrap=True, max_width_chars=34, justify=Gtk.Justification.CENTER)
         self._switch = Gtk.CheckButton.new_with_mnemonic(_("Pre_view"))
         self._switch.set_active(True)
@@ -61,10 +58,15 @@ class PreviewPane:
         self._before = Gtk.CheckButton.new_with_label(_("Before"))
         self._before.connect("toggled", lambda _box: self.changed())
         self._copied = Gtk.CheckButton.new_with_label(_("Copied from"))
-        self._copied.set_tooltip_text(_("Shows what is copied into the hole: all that is not dark"))
+        self._copied.set_tooltip_text(
+            _("Shows what is copied into the hole: all that is not dark. Paint on it to copy only from there")
+        )
         self._copied.connect("toggled", lambda _box: self.changed())
+        self._everywhere = Gtk.Button.new_with_label(_("Everywhere again"))
+        self._everywhere.connect("clicked", lambda _button: config.set_property("only", ""))
+        self._discs: list[str] = []
         self._view = ZoomedView(
-            self._row, _WIDE if entry.preview == "hole" else _SIZE, self._refresh, self._take
+            self._picture, _LARGE if entry.preview == "hole" else _SIZE, self._refresh, self._paint
         )
         self._stack = Gtk.Stack()
         for name, widget in (("picture", self._view.widget), ("text", self._text)):
@@ -78,7 +80,8 @@ class PreviewPane:
         if entry.preview in _WITH_BEFORE:
             below.pack_start(self._before, False, False, 0)
         if self._variants is not None:
-            below.pack_start(self._copied, False, False, 0)
+            for widget in (self._copied, self._everywhere, self._variants.widget):
+                below.pack_start(widget, False, False, 0)
         below.pack_start(self._busy, False, False, 0)
         self.widget = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, spacing=6)
         self.widget.pack_start(frame, True, True, 0)
@@ -88,8 +91,6 @@ class PreviewPane:
         self._folder: RequestFolder | None = None
         self._scene: tuple[Any, dict[str, Any]] | None = None
         self._timer = self._clock = self._sign = 0
-        if self._variants is not None:
-            self._view.widget.set_tooltip_text(_("Click the variant that shall be taken"))
         self._asked: tuple[dict[str, Any], dict[str, Any], Path] | None = None
         self._raw: list[GdkPixbuf.Pixbuf] = []
         self._frames: list[GdkPixbuf.Pixbuf] = []
@@ -121,6 +122,8 @@ class PreviewPane:
         self._rehearsal.cancel()
         self._busy.set_text("")
         self._stop()
+        if self._variants is not None:
+            self._everywhere.set_visible(bool(self._config.get_property("only")))
         if self._switch.get_active():
             self._busy.set_text(_("drawing …"))
             self._timer = GLib.timeout_add(_REST_MS, self._ask)
@@ -156,13 +159,35 @@ class PreviewPane:
         """Whether the preview shows variants of the result, of which one can be chosen."""
         return not (self._before.get_active() or self._copied.get_active())
 
-    def _take(self, share: float) -> None:
-        """Choose the variant that was clicked."""
-        if self._variants is not None and self._chooses:
-            self._taking = True
-            self._config.set_property("seed", self._variants.seed_at(share))
-            self._taking = False
+    def _take(self, seed: int) -> None:
+        """Choose a variant."""
+        self._taking = True
+        self._config.set_property("seed", seed)
+        self._taking = False
+        self._refresh()
+
+    def _paint(self, across: float, down: float, ends: bool) -> bool:
+        """Paint what may be copied at shares of the picture's width and height, if it shows that; return
+        whether it does.
+        """
+        if self._variants is None or not self._copied.get_active() or not self._raw or self._scene is None:
+            return False
+        picture, raster, scale = self._raw[0], self._scene[1]["layer"], self._scene[1]["scale"]
+        width, height = picture.get_width(), picture.get_height()
+        x, y, radius = round(across * width), round(down * height), round(_BRUSH * max(width, height)) + 1
+        left, top = max(x - radius, 0), max(y - radius, 0)
+        right, bottom = min(x + radius, width), min(y + radius, height)
+        if right > left and bottom > top:
+            picture.new_subpixbuf(left, top, right - left, bottom - top).fill(_BRUSH_COLOUR)
+            place = (raster["at"][0] + across * raster["width"], raster["at"][1] + down * raster["height"])
+            size = _BRUSH * max(raster["width"], raster["height"])
+            self._discs.append(",".join(f"{value / scale:.0f}" for value in (*place, size)))
             self._refresh()
+        if ends:
+            known = self._config.get_property("only")
+            self._config.set_property("only", ";".join([*([known] if known else []), *self._discs]))
+            self._discs = []
+        return True
 
     def _stop(self) -> None:
         """Cancel the timer of the next preview."""
@@ -188,11 +213,14 @@ class PreviewPane:
             self._stack.set_visible_child_name("text")
             return False
         self._raw = _pixbufs(found)
-        if self._variants is not None and self._chooses:
-            self._next_variant(self._variants)
-        elif self._entry.preview == "motif" and self._asked is not None and not self._asked[0].get("exact"):
+        if found.rough and self._asked is not None:
             scene, options, pixels = self._asked
             self._ask_for({**scene, "exact": True}, options, pixels)
+        elif self._variants is not None and self._chooses:
+            self._next_variant(self._variants)
+        if self._variants is not None and self._view.zoom == 1.0:
+            self._view.zoom = max(1.0, 1 / self._fitting(self._raw[0]))
+            GLib.timeout_add(_REST_MS, self._view.centre)
         self._refresh()
         if len(self._frames) > 1 and self._scene is not None:
             self._clock = GLib.timeout_add(max(int(self._scene[1]["delay"]), 20), self._next)
@@ -214,13 +242,13 @@ class PreviewPane:
 
     def _refresh(self) -> None:
         """Scale and draw the pictures for the present room and zoom."""
-        if self._variants is not None and self._raw and self._chooses:
-            seed, dots = self._config.get_property("seed"), self._row.get_scale_factor()
-            self._draw(*self._variants.pictures(seed, self._scaled, dots))
-        elif self._raw:
-            most = _MOST_ENLARGED_FRAMES if len(self._raw) > 1 else _MOST_ENLARGED
-            self._frames = [self._scaled(pixbuf, 1, most) for pixbuf in self._raw]
-            self._draw(self._frames[0])
+        if not self._raw:
+            return
+        chosen = None
+        if self._variants is not None and self._chooses:
+            chosen = self._variants.picture(self._config.get_property("seed"))
+        self._frames = list(map(self._scaled, self._raw if chosen is None else [chosen]))
+        self._draw(self._frames[0])
 
     def _next(self) -> bool:
         """Advance by one frame."""
@@ -228,34 +256,31 @@ class PreviewPane:
         self._draw(self._frames[0])
         return True
 
-    def _scaled(
-        self, pixbuf: GdkPixbuf.Pixbuf, beside: int, most: float = _MOST_ENLARGED
-    ) -> GdkPixbuf.Pixbuf:
-        """Scale the picture to its share of the room, with checks where it is transparent."""
-        dots = self._row.get_scale_factor()
+    def _fitting(self, pixbuf: GdkPixbuf.Pixbuf) -> float:
+        """Return the scale at which a picture fits the room."""
+        dots, (across, down) = self._picture.get_scale_factor(), self._view.room
+        most = _MOST_ENLARGED_FRAMES if len(self._raw) > 1 else _MOST_ENLARGED
         width, height = pixbuf.get_width(), pixbuf.get_height()
-        spare = _SPARE if beside > 1 else 0
-        across, down = self._view.room[0] / beside - spare, self._view.room[1] - spare
-        scale = min(across * dots / width, down * dots / height, most * dots) * self._view.zoom
-        size = max(round(width * scale), 1), max(round(height * scale), 1)
+        return float(min(across * dots / width, down * dots / height, most * dots))
+
+    def _scaled(self, pixbuf: GdkPixbuf.Pixbuf) -> GdkPixbuf.Pixbuf:
+        """Scale the picture to the room and zoom, with checks where it is transparent."""
+        dots, scale = self._picture.get_scale_factor(), self._fitting(pixbuf) * self._view.zoom
+        size = (max(round(side * scale), 1) for side in (pixbuf.get_width(), pixbuf.get_height()))
         return pixbuf.composite_color_simple(
             *size, GdkPixbuf.InterpType.BILINEAR, 255, 8 * dots, 0x999999, 0x666666
         )
 
-    def _draw(self, *pixbufs: GdkPixbuf.Pixbuf) -> None:
-        """Show pictures in a row."""
-        dots = self._row.get_scale_factor()
-        for image, pixbuf in zip_longest(self._row.get_children(), pixbufs):
-            image.set_visible(pixbuf is not None)
-            if pixbuf is None:
-                continue
-            if dots == 1:
-                image.set_from_pixbuf(pixbuf)
-                continue
-            # A pixbuf would be shown at the scale of an ordinary screen, and blurred.
-            _done, content = _squared(pixbuf).save_to_bufferv("png", [], [])
-            image.set_from_gicon(Gio.BytesIcon.new(GLib.Bytes.new(content)), Gtk.IconSize.DIALOG)
-            image.set_pixel_size(max(pixbuf.get_width(), pixbuf.get_height()) // dots)
+    def _draw(self, pixbuf: GdkPixbuf.Pixbuf) -> None:
+        """Show a picture."""
+        dots = self._picture.get_scale_factor()
+        if dots == 1:
+            self._picture.set_from_pixbuf(pixbuf)
+            return
+        # A pixbuf would be shown at the scale of an ordinary screen, and blurred.
+        _done, content = _squared(pixbuf).save_to_bufferv("png", [], [])
+        self._picture.set_from_gicon(Gio.BytesIcon.new(GLib.Bytes.new(content)), Gtk.IconSize.DIALOG)
+        self._picture.set_pixel_size(max(pixbuf.get_width(), pixbuf.get_height()) // dots)
 
 
 def _squared(pixbuf: GdkPixbuf.Pixbuf) -> GdkPixbuf.Pixbuf:

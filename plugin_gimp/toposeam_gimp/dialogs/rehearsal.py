@@ -26,6 +26,8 @@ class Preview(NamedTuple):
     channels: int
     content: bytes
     frames: int = 1
+    #: Whether a finer one can be had.
+    rough: bool = False
 
 
 class Rehearsal:
@@ -107,10 +109,12 @@ class Rehearsal:
             with RequestFolder() as folder:
                 for file in pixels.glob("*.raw"):
                     shutil.copyfile(file, folder.path / file.name)
-                raster = engine.ask(folder, request, lambda share: None, waiting=process)["picture"]
+                answer = engine.ask(folder, request, lambda share: None, waiting=process)
+                raster = answer["picture"]
                 content = (folder.path / raster["file"]).read_bytes()
             frames = raster["height"] // request["layers"][0]["height"] if request["of"] == "loop" else 1
-            found = Preview(raster["width"], raster["height"], raster["channels"], content, frames)
+            size = raster["width"], raster["height"], raster["channels"]
+            found = Preview(*size, content, frames, bool(answer.get("rough")))
         except (engine.EngineError, FolderError, OSError) as error:
             found = str(error)
         with self._lock:

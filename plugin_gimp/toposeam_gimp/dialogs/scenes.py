@@ -31,18 +31,20 @@ OF = {
     "pattern": "repeat",
     "clip": "loop",
 }
-#: Most pixels of which a preview is made.
-MOST_PIXELS = 300_000
-#: Most pixels where a preview takes longer than that of seams: of each layer that is placed, of tiles and of
-#: samples, so that a preview takes at most a second (benchmarks/gimp.py).
-_MOST_PLACED, _MOST_TILED, _MOST_SAMPLED = 60_000, 80_000, 50_000
+#: Most pixels of which a preview is made; that of seams is drawn smaller first.
+MOST_PIXELS = 1_200_000
+#: Most pixels of layers that are placed: of each, and of all together, which shows a panorama of a megapixel.
+_MOST_PLACED, _MOST_TOGETHER = 800_000, 3_000_000
+#: Most pixels where a preview takes longer than that of seams: of tiles and of samples, so that it takes at
+#: most a second (benchmarks/gimp.py).
+_MOST_TILED, _MOST_SAMPLED = 80_000, 50_000
 _MOST_GROWN, _MOST_LOOPED = 32_000, 150_000
 #: Surroundings of a hole that are shown on each side, as multiples of its size: in general, and where the
-#: preview is the result.
-_SURROUNDINGS, _CLOSE = 1.2, 0.6
+#: preview is the result; at least so many px then.
+_SURROUNDINGS, _CLOSE, _LEAST_SHOWN = 1.2, 0.6, 250
 #: Largest area, pixels, in which a hole is filled at full size. It reaches beyond the hole by the second
 #: number, px, or by the third times the hole's longer side, whichever is more, and by the fourth, px.
-_MOST_FILLED, _SEARCHED, _REACH, _BEYOND = 1_800_000, 512, 1.5, 64
+_MOST_FILLED, _SEARCHED, _REACH, _BEYOND = 12_000_000, 512, 1.5, 64
 #: Size up to which a layer is searched as a whole, pixels.
 _SMALL = 1 << 20
 #: Least side of a frame in a preview of an animation, px.
@@ -83,7 +85,8 @@ def _panorama(folder: RequestFolder, image: Gimp.Image, drawables: Layers, _opti
 def _placed(folder: RequestFolder, image: Gimp.Image, drawables: Layers) -> Scene:
     """Send layers of unknown place, large enough that their places can be found."""
     layers = layers_to_join(image, drawables)
-    scale = _scale(sum(_area(_box(layer)) for layer in layers), _MOST_PLACED * len(layers))
+    most = min(_MOST_PLACED * len(layers), _MOST_TOGETHER)
+    scale = _scale(sum(_area(pixels.layer_box(layer)) for layer in layers), most)
     rasters = [
         pixels.send_reduced(folder, image, layer, f"layer-{index}", scale)
         for index, layer in enumerate(layers)
@@ -96,10 +99,8 @@ def _stitch(folder: RequestFolder, image: Gimp.Image, drawables: Layers, options
     if options["places"] == "anywhere":
         return _placed(folder, image, drawables)
     layers = layers_to_join(image, drawables)
-    boxes = [_box(layer) for layer in layers]
-    left, top = min(box[0] for box in boxes), min(box[1] for box in boxes)
-    right, bottom = max(box[0] + box[2] for box in boxes), max(box[1] + box[3] for box in boxes)
-    canvas = (left, top, right - left, bottom - top)
+    boxes = [pixels.layer_box(layer) for layer in layers]
+    canvas = pixels.around(boxes)
     scale = _scale(max(_area(canvas), sum(map(_area, boxes))))
     rasters = [
         pixels.send_reduced(folder, image, layer, f"layer-{index}", scale)
@@ -119,8 +120,8 @@ def _patch(folder: RequestFolder, image: Gimp.Image, drawables: Layers, options:
     (layer,) = chosen_layers(image, drawables)
     if layer.is_floating_sel() or layer.get_parent() is not None:
         raise RefusedError(_("There is no preview of a floating selection, nor within a group."))
-    selected = _bounds(image) or _box(layer)
-    around = _grown(selected, max(selected[2:]) // 4)
+    selected = _bounds(image) or pixels.layer_box(layer)
+    around = pixels.grown(selected, max(selected[2:]) // 4)
     scale = _scale(_area(around))
     scratch = image.duplicate()
     try:
@@ -156,11 +157,11 @@ def _tile(folder: RequestFolder, image: Gimp.Image, drawables: Layers, _options:
 def _hole(folder: RequestFolder, image: Gimp.Image, drawables: Layers, options: Scene) -> Scene:
     check_fill(image, drawables, options)
     layer = drawables[0]
-    whole, selected = _box(layer), _bounds(image) or _box(layer)
+    whole, selected = pixels.layer_box(layer), _bounds(image) or pixels.layer_box(layer)
     # The hole and its surroundings, as large as they can be shown.
-    shown = pixels.common(whole, _grown(selected, round(_SURROUNDINGS * max(selected[2:]))))
+    shown = pixels.common(whole, pixels.grown(selected, round(_SURROUNDINGS * max(selected[2:]))))
     reach = round(max(selected[2:]) * (1 if options["from"] == "around" else _REACH))
-    searched = pixels.common(whole, _grown(selected, max(reach, _SEARCHED) + _BEYOND))
+    searched = pixels.common(whole, pixels.grown(selected, max(reach, _SEARCHED) + _BEYOND))
     if shown is None or searched is None:
         raise RefusedError(
             _("The selection lies outside the layer “{name}”; select a part of it.").format(
@@ -170,8 +171,9 @@ def _hole(folder: RequestFolder, image: Gimp.Image, drawables: Layers, options: 
     box, about = shown, {}
     if options["from"] != "other" and _area(searched) <= _MOST_FILLED:
         # Small enough that the preview is the result.
-        box = whole if _area(whole) <= _SMALL else _united(searched, shown)
-        shown = pixels.common(whole, _grown(selected, round(_CLOSE * max(selected[2:])))) or shown
+        box = whole if _area(whole) <= _SMALL else pixels.around([searched, shown])
+        near = max(round(_CLOSE * max(selected[2:])), _LEAST_SHOWN)
+        shown = pixels.common(whole, pixels.grown(selected, near)) or shown
         about = {"shown": [shown[0] - box[0], shown[1] - box[1], *shown[2:]]}
     most = _area(box) if about else _MOST_GROWN
     made = _texture("fill", folder, image, drawables, 1.0, box=box, most=most)
@@ -181,30 +183,20 @@ def _hole(folder: RequestFolder, image: Gimp.Image, drawables: Layers, options: 
     return {**made, **about, "source": send_source(folder, image, layer, options, made["scale"])}
 
 
-def _grown(box: Box, margin: int) -> Box:
-    return box[0] - margin, box[1] - margin, box[2] + 2 * margin, box[3] + 2 * margin
-
-
-def _united(first: Box, second: Box) -> Box:
-    left, top = (min(first[axis], second[axis]) for axis in (0, 1))
-    right, bottom = (max(box[axis] + box[axis + 2] for box in (first, second)) for axis in (0, 1))
-    return left, top, right - left, bottom - top
-
-
 def _motif(folder: RequestFolder, image: Gimp.Image | None, drawables: Layers, options: Scene) -> Scene:
     base = None
     if options["use-layer"]:
         if image is None or not drawables:
             raise RefusedError(_("There is no layer to shape the strokes after."))
         (layer,) = chosen_layers(image, drawables)
-        base = pixels.send_reduced(folder, image, layer, "base", _scale(_area(_box(layer))))
+        base = pixels.send_reduced(folder, image, layer, "base", _scale(_area(pixels.layer_box(layer))))
     return {"of": "motif", "scale": 1.0, "layer": base}
 
 
 def _pattern(folder: RequestFolder, image: Gimp.Image, drawables: Layers, options: Scene) -> Scene:
     group, memory = motif_of(image, drawables)
     inks = inks_of(group)
-    scale = _scale(_area(_box(inks[0])) * options["rows"] * options["columns"])
+    scale = _scale(_area(pixels.layer_box(inks[0])) * options["rows"] * options["columns"])
     densities = [
         pixels.send_reduced(folder, image, ink.get_mask(), f"ink-{index}", scale)
         for index, ink in enumerate(inks)
@@ -237,9 +229,9 @@ def _texture(
     most: int = MOST_PIXELS,
 ) -> Scene:
     (layer,) = chosen_layers(image, drawables)
-    scale = min(scale, _scale(_area(box or _box(layer)), most))
+    scale = min(scale, _scale(_area(box or pixels.layer_box(layer)), most))
     raster = pixels.send_reduced(folder, image, layer, "layer", scale, box)
-    selection = None if box is not None else _selection(folder, image, scale, _box(layer))
+    selection = None if box is not None else _selection(folder, image, scale, pixels.layer_box(layer))
     return {"of": of, "scale": scale, "layer": raster, "selection": selection}
 
 
@@ -258,11 +250,6 @@ def _selection(folder: RequestFolder, image: Gimp.Image, scale: float, box: Box)
 def _bounds(image: Gimp.Image) -> Box | None:
     _done, something, left, top, right, bottom = Gimp.Selection.bounds(image)
     return (left, top, right - left, bottom - top) if something else None
-
-
-def _box(layer: Gimp.Layer) -> Box:
-    _nothing, left, top = layer.get_offsets()
-    return left, top, layer.get_width(), layer.get_height()
 
 
 def _area(box: Box) -> int:

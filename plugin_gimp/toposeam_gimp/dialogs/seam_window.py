@@ -17,9 +17,10 @@ from gi.repository import Gdk, GdkPixbuf, GimpUi, GLib, Gtk  # noqa: E402
 from toposeam_gimp.actions.painting import Painting  # noqa: E402
 from toposeam_gimp.texts import _  # noqa: E402
 
-#: How often it looks whether something was painted, ms: a stroke counts as ended when nothing has changed
-#: since the last look and no button is pressed.
-_LOOK_EVERY_MS = 150
+#: How often it looks whether a button is pressed, ms, and after how many such looks it looks at the strokes
+#: in any case, as they may be painted by keys or a quick touch. A stroke counts as ended when nothing has
+#: changed since the last look and no button is pressed.
+_LOOK_EVERY_MS, _SELDOM = 150, 6
 #: Side of the small copy by which a change is seen, px, the most that GIMP gives.
 _SMALL = 1024
 #: Size of a colour on its button, and space between widgets, px.
@@ -34,7 +35,8 @@ class SeamWindow:
     def __init__(self, painting: Painting) -> None:
         GimpUi.init("toposeam_gimp")
         self._painting = painting
-        self._busy, self._changed, self._seen = False, False, self._small()
+        self._busy = self._changed = self._painted = False
+        self._looks, self._seen = 0, self._small()
         self._dialog = Gtk.Dialog(title=_("Seam"), border_width=_SPACE)
         self._dialog.set_keep_above(True)
         self._dialog.set_focus_on_map(False)
@@ -52,12 +54,14 @@ class SeamWindow:
         again.connect("clicked", lambda _button: self._work(painting.restitch))
         place = Gtk.Button.new_with_mnemonic(_("_Next bad place"))
         place.connect("clicked", lambda _button: self._work(painting.next_place))
-        self._buttons = Gtk.Box(spacing=_SPACE, homogeneous=True)
-        for button in (again, place):
-            self._buttons.pack_start(button, True, True, 0)
+        back = Gtk.Button.new_with_mnemonic(_("_Undo stroke"))
+        back.connect("clicked", lambda _button: self._work(painting.undo_stroke))
+        self._buttons = Gtk.Grid(column_spacing=_SPACE, row_spacing=_SPACE, column_homogeneous=True)
+        for at, button in enumerate((again, back, place)):
+            self._buttons.attach(button, at % 2, at // 2, 1, 1)
         self._bar = Gtk.ProgressBar()
         self._said = Gtk.Label(wrap=True, xalign=0, width_chars=_WIDE, max_width_chars=_WIDE)
-        self._say(
+        self._said.set_text(
             _(
                 "Choose a layer, and paint roughly where it shall show. Ctrl+Z takes back the seam, then the "
                 "stroke."
@@ -111,12 +115,21 @@ class SeamWindow:
         if not self._painting.goes_on:
             Gtk.main_quit()
             return False
+        pressed, self._looks = _presses(), self._looks + 1
+        self._changed = self._changed or pressed
+        if pressed or not (self._changed or self._looks % _SELDOM == 0):
+            return True
         seen = self._small()
         changes, self._seen = seen != self._seen, seen
-        self._changed = self._changed or changes
-        if self._changed and not changes and not _presses() and self._by_itself.get_active():
-            self._changed = False
-            self._work(partial(self._painting.restitch, news_only=True))
+        if changes:
+            self._changed = self._painted = True
+            return True
+        self._changed = False
+        if self._painted:
+            self._painted = False
+            if self._by_itself.get_active():
+                self._work(partial(self._painting.restitch, news_only=True))
+            self._painting.note_stroke()
         return True
 
     def _small(self) -> bytes:
@@ -135,14 +148,10 @@ class SeamWindow:
                 Gtk.main_iteration()
 
         told(0.02)
-        self._say(work(told))
+        self._said.set_text(work(told))
         self._bar.set_fraction(0.0)
         self._buttons.set_sensitive(True)
         self._busy = False
-
-    def _say(self, text: str) -> None:
-        if text:
-            self._said.set_text(text)
 
 
 def _presses() -> bool:

@@ -1,62 +1,60 @@
-"""Variants of a result side by side, each with a seed of its own, to choose from by a click."""
+"""Variants of a result, each with a seed of its own, one of which is shown and taken."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-from gi.repository import GdkPixbuf
+from gi.repository import GdkPixbuf, Gtk
 
-COUNT = 3
-#: Gap between variants, and width of the frame round the chosen one, px of the screen.
-GAP, _FRAME = 6, 3
-_FRAME_COLOUR = 0x3584E4FF
+from toposeam_gimp.texts import _
+
+_COUNT = 3
 
 
 class Variants:
-    """The variants of a preview."""
+    """The variants of a preview, and a button for each, also for those that are still drawn.
 
-    def __init__(self) -> None:
-        self._first = 0
+    Parameters
+    ----------
+    take : callable
+        Called with the seed of the variant that is chosen.
+    """
+
+    def __init__(self, take: Callable[[int], object]) -> None:
+        self._first, self._take = 0, take
         self._pictures: list[GdkPixbuf.Pixbuf] = []
+        #: The buttons.
+        self.widget = Gtk.Box()
+        self.widget.get_style_context().add_class("linked")
+        self._buttons: list[Gtk.RadioButton] = []
+        for index in range(_COUNT):
+            button = Gtk.RadioButton.new_with_mnemonic_from_widget(
+                (self._buttons or [None])[0], f"_{index + 1}"
+            )
+            button.set_mode(False)
+            button.set_tooltip_text(_("Shows this variant, which OK takes"))
+            button.connect("toggled", self._chosen, index)
+            self.widget.pack_start(button, False, False, 0)
+            self._buttons.append(button)
 
     def begin(self, seed: int, most: int) -> int:
         """Start anew with variants that include that of a seed; return the first one's seed."""
-        if not self._first <= seed < self._first + COUNT:
-            self._first = min(seed, most - COUNT)
+        if not self._first <= seed < self._first + _COUNT:
+            self._first = min(seed, most - _COUNT)
         self._pictures = []
+        self._buttons[seed - self._first].set_active(True)
         return self._first
 
     def add(self, picture: GdkPixbuf.Pixbuf) -> int | None:
         """Add a variant; return the seed of the next one, or None after the last."""
         self._pictures.append(picture)
         done = len(self._pictures)
-        return self._first + done if done < COUNT else None
+        return self._first + done if done < _COUNT else None
 
-    def seed_at(self, share: float) -> int:
-        """Return the seed of the variant at a share of the picture's width."""
-        return self._first + min(max(int(share * COUNT), 0), COUNT - 1)
+    def picture(self, seed: int) -> GdkPixbuf.Pixbuf | None:
+        """Return the variant of a seed, or the last one that is there; None without any."""
+        return self._pictures[min(seed - self._first, len(self._pictures) - 1)] if self._pictures else None
 
-    def pictures(
-        self, seed: int, scaled: Callable[[GdkPixbuf.Pixbuf, int], GdkPixbuf.Pixbuf], dots: int
-    ) -> list[GdkPixbuf.Pixbuf]:
-        """Return the variants, with a frame round that of the seed and as much room round the others.
-
-        Parameters
-        ----------
-        seed : int
-        scaled : callable
-            Scales a variant for the screen; its second argument is the number of variants.
-        dots : int
-            Pixels of the screen per logical px.
-        """
-        framed, frame = [], _FRAME * dots
-        for index, picture in enumerate(self._pictures):
-            shown = scaled(picture, COUNT)
-            width, height = shown.get_width(), shown.get_height()
-            one = GdkPixbuf.Pixbuf.new(
-                GdkPixbuf.Colorspace.RGB, True, 8, width + 2 * frame, height + 2 * frame
-            )
-            one.fill(_FRAME_COLOUR if self._first + index == seed else 0)
-            shown.copy_area(0, 0, width, height, one, frame, frame)
-            framed.append(one)
-        return framed
+    def _chosen(self, button: Gtk.RadioButton, index: int) -> None:
+        if button.get_active():
+            self._take(self._first + index)

@@ -8,8 +8,6 @@ from typing import Any
 from gi.repository import Gdk, GLib, Gtk
 
 _STEP, _MOST = 1.25, 8.0
-#: Largest movement of the mouse in a click, px.
-_STILL = 2.0
 #: Margin of the room, px, so that no scroll bars appear where the picture fits.
 _MARGIN = 4
 
@@ -24,8 +22,9 @@ class ZoomedView:
         Least width and height, px.
     refresh : callable
         Draws the picture again for a new :attr:`room` or :attr:`zoom`.
-    click : callable
-        Called with the place of a click, as a share of the picture's width.
+    paint : callable
+        Called with a place that the pressed pointer passes, as shares of the picture's width and height, and
+        whether it is let go there. If it returns False, the picture is moved instead.
     """
 
     def __init__(
@@ -33,14 +32,14 @@ class ZoomedView:
         picture: Gtk.Widget,
         least: tuple[int, int],
         refresh: Callable[[], object],
-        click: Callable[[float], object],
+        paint: Callable[[float, float, bool], bool],
     ) -> None:
-        self._picture, self._refresh, self._click, self._least = picture, refresh, click, least
+        self._picture, self._refresh, self._paint, self._least = picture, refresh, paint, least
         #: Enlargement relative to a picture that fills the room.
         self.zoom = 1.0
         self._seen = least
         self._held: tuple[float, float] | None = None
-        self._dragged = False
+        self._paints = False
         box = Gtk.EventBox()
         box.add(picture)
         box.add_events(
@@ -82,26 +81,36 @@ class ZoomedView:
         return True
 
     def _pressed(self, _widget: Gtk.Widget, event: Any) -> bool:
-        self._held, self._dragged = (event.x_root, event.y_root), False
+        self._held, self._paints = (event.x_root, event.y_root), self._at(event, False)
         return True
 
     def _released(self, _widget: Gtk.Widget, event: Any) -> bool:
         self._held = None
-        room = self._picture.get_allocation()
-        if not self._dragged and room.width > 0:
-            self._click((event.x - room.x) / room.width)
+        if self._paints:
+            self._at(event, True)
         return True
+
+    def _at(self, event: Any, ends: bool) -> bool:
+        room = self._picture.get_allocation()
+        return self._paint((event.x - room.x) / room.width, (event.y - room.y) / room.height, ends)
+
+    def centre(self) -> bool:
+        """Show the middle of the picture."""
+        for bar in (self.widget.get_hadjustment(), self.widget.get_vadjustment()):
+            bar.set_value((bar.get_upper() - bar.get_page_size()) / 2)
+        return False
 
     def _moved(self, _widget: Gtk.Widget, event: Any) -> bool:
         if self._held is None:
             return False
+        if self._paints:
+            return self._at(event, False)
         for bar, before, now in zip(
             (self.widget.get_hadjustment(), self.widget.get_vadjustment()),
             self._held,
             (event.x_root, event.y_root),
             strict=True,
         ):
-            self._dragged = self._dragged or abs(now - before) > _STILL
             bar.set_value(bar.get_value() + before - now)
         self._held = event.x_root, event.y_root
         return True

@@ -11,6 +11,13 @@ from toposeam_gimp.engine.folder import RequestFolder
 from toposeam_gimp.entries.entry import Procedure
 from toposeam_gimp.texts import _
 
+#: What the engine does next.
+_STEPS = {
+    "places": _("Finding where the layers belong …"),
+    "seams": _("Finding the seams …"),
+    "blending": _("Blending …"),
+}
+
 
 class GoneError(Exception):
     """The image or a layer was deleted meanwhile; the text says so."""
@@ -45,6 +52,8 @@ class Call:
     remarks: list[str] = field(default_factory=list)
     #: GIMP's progress bar.
     show_progress: Callable[[float], object] = lambda _share: None
+    #: The text of that bar.
+    show_step: Callable[[str], object] = lambda _text: None
 
     def ask(self, folder: RequestFolder, request: Mapping[str, Any]) -> dict[str, Any]:
         """Let the engine work on a request; return its answer, if the image still exists.
@@ -53,7 +62,9 @@ class Call:
         ------
         EngineError, GoneError
         """
-        answer = process.ask(folder, request, self.progress)
+        answer = process.ask(
+            folder, request, self.progress, step=lambda name: self.show_step(_STEPS.get(name, ""))
+        )
         self.check_image()
         return answer
 

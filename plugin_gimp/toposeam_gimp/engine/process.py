@@ -118,6 +118,7 @@ def ask(
     command: Iterable[str] | None = None,
     silence_s: float = SILENCE_S,
     waiting: Engine | None = None,
+    step: Callable[[str], object] = lambda _name: None,
 ) -> dict[str, Any]:
     """Let the engine work on a request whose pixels are in the folder already.
 
@@ -135,6 +136,8 @@ def ask(
     waiting : Engine, optional
         An engine that was started before and waits. It waits again after an answer, and is ended if it gives
         none.
+    step : callable
+        Called with the name of each step that begins.
 
     Returns
     -------
@@ -151,7 +154,7 @@ def ask(
     if waiting is not None:
         try:
             waiting.tell(str(folder.path), folder.nonce)
-            return _listen(waiting, folder, progress, silence_s)
+            return _listen(waiting, folder, progress, step, silence_s)
         except _SaidError:
             raise
         except BaseException:
@@ -163,11 +166,11 @@ def ask(
         if isinstance(folder.engine, KeptEngine):
             with suppress(_EndedError):
                 folder.engine.tell(str(folder.path), folder.nonce)
-                return _listen(folder.engine, folder, progress, silence_s)
+                return _listen(folder.engine, folder, progress, step, silence_s)
             folder.end_engine()  # killed, perhaps; another one says why if it cannot do it either
             begin(folder, command=command)
         folder.engine.tell(folder.nonce)
-        return _listen(folder.engine, folder, progress, silence_s, folder.path / _LOG)
+        return _listen(folder.engine, folder, progress, step, silence_s, folder.path / _LOG)
     finally:
         folder.end_engine()
 
@@ -297,6 +300,7 @@ def _listen(
     process: Engine | KeptEngine,
     folder: RequestFolder,
     progress: Callable[[float], None],
+    step: Callable[[str], object],
     silence_s: float,
     log: Path | None = None,
 ) -> dict[str, Any]:
@@ -331,6 +335,8 @@ def _listen(
         elif kind in ("progress", "alive"):
             share = float(event.get("share", share))
             progress(share)
+        elif kind == "step":
+            step(str(event.get("name")))
         elif kind == "error":
             raise _SaidError(in_gimps_words(event))
         elif kind == "result":

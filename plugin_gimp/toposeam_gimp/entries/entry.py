@@ -33,6 +33,8 @@ class Option:
     applies: tuple[str, tuple[bool | str, ...]] | None = None
     #: Whether it is under “Advanced”.
     advanced: bool = False
+    #: Whether it has no field, as it is set on the preview.
+    hidden: bool = False
     #: Label of no mask or channel, for one that may be missing.
     none: str = ""
     #: Prefix of the names of the choices' pictures in ``pictures``; "" for choices without pictures.

@@ -113,10 +113,12 @@ _CORE = number(
     _("Share that m_ust show"),
     _(
         "How much of the patch the seam must leave, from its middle outwards: 0.9 is nearly all of it, 0.05 "
-        "hardly more than its middle"
+        "hardly more than its middle. 0 leaves what stands out in it, as somebody on a square"
     ),
-    0.5,
-    (0.05, 1.0),
+    0.0,
+    (0.0, 1.0),
+    automatic=_("What stands out"),
+    typical=0.5,
 )
 _SHOW = Option(
     name="show-seam",
@@ -270,7 +272,8 @@ SEAM_ENTRIES = (
             "“Seam hints” appears above the group, and the foreground colour is the one of the selected "
             "layer, like its tag in the Layers dialog. Paint roughly what shall be seen of that layer, "
             "with any paint tool, and choose Re-stitch: the seam finds itself round the strokes. Erase "
-            "strokes that shall no longer count."
+            "strokes that shall no longer count. Several layers that are not stitched yet are stitched "
+            "first, and a selected part of one layer is laid on what is below it."
         ),
         returns=("hints", "The layer to paint on"),
         paints=True,

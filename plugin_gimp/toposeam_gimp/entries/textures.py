@@ -161,6 +161,16 @@ TEXTURE_ENTRIES = (
                 engine=False,
                 applies=("from", ("other",)),
             ),
+            Option(
+                name="only",
+                label=_("Copy only from"),
+                help=_(
+                    "Where alone may be copied from: discs as x,y,radius in pixels of the image, with ; "
+                    "between them; empty for everywhere"
+                ),
+                default="",
+                hidden=True,
+            ),
             number(
                 "patch",
                 _("_Patch (px)"),

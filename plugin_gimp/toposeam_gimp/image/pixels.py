@@ -7,6 +7,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from enum import StrEnum
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -237,17 +238,46 @@ def tile_sums(
     is_mask = isinstance(drawable, Gimp.LayerMask)
     name, blank = (Format.MASK_U8.value, 255) if is_mask else (Format.RGBA_U8.value, 0)
     sums, buffer = dict(known or {}), drawable.get_buffer()
-    for top in range(0, drawable.get_height(), _TILE):
-        for left in range(0, drawable.get_width(), _TILE):
-            corner = f"{left},{top}"
-            tile = box_of_tiles(drawable, [corner])
+    width, height = drawable.get_width(), drawable.get_height()
+    for top in range(0, height, _TILE):
+        for left in range(0, width, _TILE):
+            tile = left, top, min(_TILE, width - left), min(_TILE, height - top)
             if common(tile, box) is None:
                 continue
             content = buffer.get(Gegl.Rectangle.new(*tile), 1.0, name, Gegl.AbyssPolicy.NONE)
+            corner, found = f"{left},{top}", zlib.crc32(content)
             sums.pop(corner, None)
-            if content.count(blank) < len(content):
-                sums[corner] = zlib.crc32(content)
+            if found != _sum_of_blank(blank, len(content)):
+                sums[corner] = found
     return sums
+
+
+def tiles_of(strokes: Gimp.Layer) -> dict[str, bytes]:
+    """Return the pixels of each tile of strokes that is not transparent, RGBA in 8 bits."""
+    buffer, name, tiles = strokes.get_buffer(), Format.RGBA_U8.value, {}
+    for corner in tile_sums(strokes):
+        place = Gegl.Rectangle.new(*box_of_tiles(strokes, [corner]))
+        tiles[corner] = buffer.get(place, 1.0, name, Gegl.AbyssPolicy.NONE)
+    return tiles
+
+
+def put_tiles(strokes: Gimp.Layer, tiles: Mapping[str, bytes]) -> None:
+    """Give tiles of strokes other pixels, empty ones for transparent ones; undo takes it back."""
+    size = strokes.get_width(), strokes.get_height()
+    whole = Gegl.Rectangle.new(0, 0, *size)
+    shadow, name = strokes.get_shadow_buffer(), Format.RGBA_U8.value
+    strokes.get_buffer().copy(whole, Gegl.AbyssPolicy.NONE, shadow, whole)
+    for corner, content in tiles.items():
+        box = box_of_tiles(strokes, [corner])
+        shadow.set(Gegl.Rectangle.new(*box), name, content or bytes(4 * box[2] * box[3]))
+    shadow.flush()
+    strokes.merge_shadow(True)
+    strokes.update(0, 0, *size)
+
+
+@cache
+def _sum_of_blank(value: int, size: int) -> int:
+    return zlib.crc32(bytes([value]) * size)
 
 
 def changed_box(drawable: Gimp.Drawable, before: Mapping[str, int], now: Mapping[str, int]) -> Box | None:

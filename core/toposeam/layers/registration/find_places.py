@@ -91,6 +91,7 @@ def find_places(
     centre: int | None = None,
     fov: float | None = None,
     horizon: tuple[int, npt.ArrayLike] | None = None,
+    straighten: bool = False,
     points: Mapping[Pair, npt.ArrayLike] | None = None,
     least_correlation: float = LEAST_CORRELATION,
     progress: Callable[[float], None] | None = None,
@@ -125,6 +126,9 @@ def find_places(
     horizon : (int, (2, 2) array_like), optional
         A picture, and two points of it, x and y, px from the middle of its upper left pixel. The canvas is
         turned until the line between them is level, or upright if it is nearer to that.
+    straighten : bool
+        Turn the canvas by up to 15° until lines of text, rules and edges of paper lie level and upright, where
+        these stand out. Of a camera that turned, `level` does that.
     points : mapping from (int, int) to (M, 4) array_like, optional
         Points that two pictures share, at least four, in place of the features found in them: x and y in the
         one, px from the middle of its upper left pixel, and in the other.
@@ -164,6 +168,7 @@ def find_places(
         centre=centre,
         fov=fov,
         horizon=horizon,
+        straighten=straighten,
         points={} if points is None else points,
         least_correlation=least_correlation,
     )
@@ -186,6 +191,7 @@ class PlaceOptions:
     centre: int | None = None
     fov: float | None = None
     horizon: tuple[int, npt.ArrayLike] | None = None
+    straighten: bool = False
     points: Mapping[Pair, npt.ArrayLike] = field(default_factory=dict)
     least_correlation: float = LEAST_CORRELATION
 
@@ -204,6 +210,7 @@ class PlaceOptions:
         check_choice("projection", self.projection, ("auto", *PROJECTIONS))
         check_choice("level", self.level, (True, False))
         check_choice("exact", self.exact, (True, False))
+        check_choice("straighten", self.straighten, (True, False))
         check_range(0, 1, above=True, least_correlation=self.least_correlation)
         if self.focal is not None:
             check_range(1, 1e9, focal=self.focal)
@@ -216,6 +223,13 @@ class PlaceOptions:
                 "exact is for moves, turns and scales, not for the model {model}; leave one of them out",
                 kind="conflict",
                 model=self.model,
+            )
+        if self.straighten and self.horizon is not None:
+            raise OptionError(
+                "{straighten} and {horizon} both turn the canvas; leave one of them out",
+                kind="conflict",
+                straighten=Term("straighten"),
+                horizon=Term("horizon"),
             )
         if self.centre is not None:
             check_whole("centre", self.centre, 0, count - 1)
@@ -297,6 +311,11 @@ def found_places(
                 why=placement.left_out[number],
             )
         placement = placement.levelled(placement.numbers.index(number), line)
+    if options.straighten and placement.focal is None:
+        from toposeam.layers.canvas.levelling import straightening
+
+        level = straightening([pictures[number].image for number in numbers], placement.transforms)
+        placement = placement if level is None else placement.levelled(*level)
     layers = place([pictures[number] for number in numbers], placement.transforms, placement.wrap)
     report(1.0)
     doubts = (*placement.doubts, *large_canvas(layers, areas))

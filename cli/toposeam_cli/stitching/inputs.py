@@ -427,6 +427,11 @@ def _turned(
     turning = "--horizon", "--straighten"
     foreign = [name for name in (finding.named if finding is not None else ()) if name not in turning]
     if foreign:
+        if foreign[0] in ("--projection", "--fov"):
+            raise ts.OptionError(
+                f"{foreign[0]} shows anew what cameras saw, and here places without cameras are given; "
+                "let them be found with --model rotation, or leave it out"
+            )
         raise ts.OptionError(
             f"{foreign[0]} is for places that are found, and here they are given; leave it out"
         )

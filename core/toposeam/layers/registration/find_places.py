@@ -67,6 +67,7 @@ from toposeam.layers.registration.placement import (
 from toposeam.layers.registration.pose_graph import FREEDOMS, LARGEST_MISFIT, open_corners, residuals
 
 if TYPE_CHECKING:
+    from toposeam.layers.registration import perspective
     from toposeam.layers.registration.bundle_adjustment import Bundle
     from toposeam.layers.registration.perspective import ModelFit
 
@@ -127,8 +128,8 @@ def find_places(
         A picture, and two points of it, x and y, px from the middle of its upper left pixel. The canvas is
         turned until the line between them is level, or upright if it is nearer to that.
     straighten : bool
-        Turn the canvas by up to 15° until lines of text, rules and edges of paper lie level and upright, where
-        these stand out. Of a camera that turned, `level` does that.
+        Turn the canvas by up to 15° until lines of text, rules and edges of paper lie level and upright,
+        where these stand out. Of a camera that turned, `level` does that.
     points : mapping from (int, int) to (M, 4) array_like, optional
         Points that two pictures share, at least four, in place of the features found in them: x and y in the
         one, px from the middle of its upper left pixel, and in the other.
@@ -534,12 +535,10 @@ def _adjusted(
     if reaches and not closes:
         doubts.append(open_turn())
     bundle = fit.bundle
-    transforms: Sequence[Transform]
-    width = projection = None
-    down = _down(matcher, numbers, options, fit.camera if bundle.family == "plane" else bundle)
+    camera = fit.camera if bundle.family == "plane" else bundle
+    down = _down(matcher, numbers, options, camera)
     if bundle.family == "plane":
         view = perspective.View(level=options.level, down=down)
-        transforms = perspective.plane_transforms(bundle, fit.camera, view)
     else:
         asked = None if options.projection == "auto" else options.projection
         centre = numbers.index(options.centre) if options.centre in numbers else None
@@ -551,8 +550,15 @@ def _adjusted(
             closed=closes,
             down=down,
         )
-        cameras, width = perspective.camera_transforms(bundle, view)
-        transforms, projection = cameras, cameras[0].projection
+    transforms, width = _viewed(bundle, camera, view)
+    if down is not None and camera is not None and width is None:
+        from toposeam.layers.mesh.verticals import costs_too_much
+
+        leaning, _ = _viewed(bundle, camera, replace(view, down=None))
+        lean = np.degrees(np.arccos(min(1.0, float(perspective.level_down(camera) @ down))))
+        if costs_too_much(bundle.sizes, transforms, leaning, float(lean)):
+            transforms = leaning
+    projection = transforms[0].projection if isinstance(transforms[0], CameraTransform) else None
     distances = {pair: bundle.distances(pair, match) for pair, match in fit.matches.items()}
     shown = range(len(numbers)) if options.fov is None else _in_view(transforms, bundle, options.fov)
     placement = _placement(
@@ -574,6 +580,17 @@ def _adjusted(
         wrap=width,
         doubts=tuple(doubts),
     )
+
+
+def _viewed(
+    bundle: Bundle, camera: Bundle | None, view: perspective.View
+) -> tuple[Sequence[Transform], int | None]:
+    """Lay all pictures on a canvas; return also its width, px, if it goes all the way round."""
+    from toposeam.layers.registration import perspective
+
+    if bundle.family == "plane":
+        return perspective.plane_transforms(bundle, camera, view), None
+    return perspective.camera_transforms(bundle, view)
 
 
 def _down(

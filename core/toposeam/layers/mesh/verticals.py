@@ -123,7 +123,7 @@ def _share_kept(sizes: Floats, transforms: Sequence[Transform]) -> float:
     shown = np.zeros((np.ceil(extent[::-1] * scale) + 1).astype(int), bool)
     for outline in outlines:
         x, y = ((outline - low) * scale).T
-        shown[polygon(y, x, shown.shape)] = True
+        shown[polygon(y, x, shown.shape)] = True  # type: ignore[no-untyped-call]
     box = largest_full(shown)
     return 0.0 if box is None else math.prod(box.shape) / int(shown.sum())
 

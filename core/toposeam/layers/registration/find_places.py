@@ -550,15 +550,9 @@ def _adjusted(
             closed=closes,
             down=down,
         )
-    transforms, width = _viewed(bundle, camera, view)
-    if down is not None and camera is not None and width is None:
-        from toposeam.layers.mesh.verticals import costs_too_much
-
-        leaning, _ = _viewed(bundle, camera, replace(view, down=None))
-        lean = np.degrees(np.arccos(min(1.0, float(perspective.level_down(camera) @ down))))
-        if costs_too_much(bundle.sizes, transforms, leaning, float(lean)):
-            transforms = leaning
-    projection = transforms[0].projection if isinstance(transforms[0], CameraTransform) else None
+    transforms, width = _shown(bundle, camera, view)
+    first = transforms[0]
+    projection = first.projection if isinstance(first, CameraTransform) else None
     distances = {pair: bundle.distances(pair, match) for pair, match in fit.matches.items()}
     shown = range(len(numbers)) if options.fov is None else _in_view(transforms, bundle, options.fov)
     placement = _placement(
@@ -582,15 +576,30 @@ def _adjusted(
     )
 
 
-def _viewed(
+def _shown(
     bundle: Bundle, camera: Bundle | None, view: perspective.View
 ) -> tuple[Sequence[Transform], int | None]:
-    """Lay all pictures on a canvas; return also its width, px, if it goes all the way round."""
+    """Lay all pictures on a canvas, upright unless that costs too much of it; return also its width, px, if
+    it goes all the way round.
+    """
     from toposeam.layers.registration import perspective
 
+    transforms: Sequence[Transform]
+    width = None
     if bundle.family == "plane":
-        return perspective.plane_transforms(bundle, camera, view), None
-    return perspective.camera_transforms(bundle, view)
+        transforms = perspective.plane_transforms(bundle, camera, view)
+    else:
+        transforms, width = perspective.camera_transforms(bundle, view)
+    if view.down is None or camera is None or width is not None:
+        return transforms, width
+    from toposeam.layers.mesh.verticals import costs_too_much
+
+    leaning, width = _shown(bundle, camera, replace(view, down=None))
+    cosine = min(1.0, float(perspective.level_down(camera) @ view.down))
+    degrees = float(np.degrees(np.arccos(cosine)))
+    if width is None and costs_too_much(bundle.sizes, transforms, leaning, degrees):
+        return leaning, None
+    return transforms, None
 
 
 def _down(

@@ -402,6 +402,29 @@ def test_a_horizon_lies_level(views, toposeam):
 
 
 @pytest.mark.medium
+def test_scans_are_straightened(views, toposeam):
+    rng = np.random.default_rng(0)
+    page = np.full((360, 520), 245, np.uint8)
+    for top in range(30, 330, 18):
+        letters = rng.random((8, 440)) < 0.4
+        page[top : top + 8, 40:480][letters] = 30
+    turned = Image.fromarray(page).rotate(-2.5, Image.Resampling.BICUBIC, fillcolor=245)
+    for name, left in (("u.png", 0), ("v.png", 200)):
+        turned.crop((left, 0, left + 320, 360)).save(name)
+    joined(toposeam, "u.png", "v.png", "--straighten", "--save-layout", "level.toml", "-o", "out.png")
+    transforms, _ = layout_of("level.toml", (320, 360))
+    turns = [np.degrees(np.arctan2(*one.matrix[[1, 0], 0])) for one in transforms.values()]
+    assert turns == pytest.approx([-2.5, -2.5], abs=0.1)
+    assert 'as = "scans"' in Path("level.toml").read_text()
+    joined(toposeam, "level.toml", "-o", "again.png")
+    assert Path("again.png").read_bytes() == Path("out.png").read_bytes()
+    placed = "--row", "--overlap", "120", "--straighten"
+    joined(toposeam, "u.png", "v.png", *placed, "--save-layout", "row.toml", "-o", "row.png")
+    transforms, _ = layout_of("row.toml", (320, 360))
+    assert np.degrees(np.arctan2(*transforms["u.png"].matrix[[1, 0], 0])) == pytest.approx(-2.5, abs=0.1)
+
+
+@pytest.mark.medium
 def test_focal_length_and_lens_are_kept_as_given(views, toposeam):
     mm = round(equivalent_mm(FOCAL, SIZE)) + 0.5
     given = told(toposeam, *TWO, "--model", "rotation", "--focal", mm, "--lens", "0", "-o", "out.png")
@@ -427,6 +450,9 @@ def test_focal_length_and_lens_are_kept_as_given(views, toposeam):
         (("--centre", "c.png"), "--centre c.png is none of the pictures"),
         (("--horizon", "c.png=1,2,3,4"), "'c.png' is no picture of this job"),
         (("--horizon", "1=1,2,1,2"), "whose ends the canvas does not show apart"),
+        (("--straighten", "--focal", "28"), "--straighten is for scans, not for --focal; leave one of them"),
+        (("--straighten", "--model", "rotation"), "--straighten is for scans, not for --model rotation"),
+        (("--straighten", "--horizon", "1=1,2,9,2"), "--straighten and --horizon both turn the picture"),
         (("--centre", "-1"), "--centre -1 is none of the pictures"),
         (("--exact", "--fov", "60"), "--fov is for a camera that turns, not for --exact"),
         (("--offset", "9,9", "--model", "plane"), "--model is for places that are found"),

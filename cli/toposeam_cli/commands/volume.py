@@ -30,7 +30,7 @@ from toposeam_cli.media.stacks.stack import Stack, common_spacing
 from toposeam_cli.media.stacks.writing import check_stack_output, write_stack
 
 if TYPE_CHECKING:
-    from toposeam.volume import JoinedVolume
+    from toposeam.volume import JoinedVolume, SurfaceVerdict
 
 #: Largest overlap that is joined whole, voxels; larger ones are joined by blocks.
 _WHOLE = 20_000_000
@@ -160,7 +160,7 @@ def volume(stacks: tuple[Path, ...], output: Path, **given: Any) -> None:
         spacing, _ = common_spacing(read[0], stack, spacing)
     block = given["block"] or (None if _fits(read, offsets) else 160)
     with claimed_folder(temporary_beside(output.absolute())) as folder:
-        made = _joined(read, offsets, numbers, spacing or (1.0, 1.0, 1.0), block, folder, given)
+        made, verdict = _joined(read, offsets, numbers, spacing or (1.0, 1.0, 1.0), block, folder, given)
         with all_or_nothing():
             with share_bar(f"writing {output.name}", quiet) as progress:
                 write_stack(output, made.volume, spacing, force, progress)
@@ -177,7 +177,7 @@ def volume(stacks: tuple[Path, ...], output: Path, **given: Any) -> None:
         proven = ""
         if made.surface is not None and made.surface.bound > 0:
             proven = f", cost {made.surface.cost / made.surface.bound - 1:.2%} above the least at most"
-        say(f"{output}: {size} voxels{f', by blocks of {block}' if block else proven}")
+        say(f"{output}: {size} voxels{f', by blocks of {block}' if block else proven}: {verdict}")
 
 
 def _joined(
@@ -188,11 +188,14 @@ def _joined(
     block: int | None,
     folder: Path,
     given: dict[str, Any],
-) -> Any:
-    """Join stacks in turn."""
+) -> tuple[Any, SurfaceVerdict]:
+    """Join stacks in turn; judge the surface that shows most."""
     cells = [*numbers, *[None] * (len(stacks) - len(numbers))]
     before: Any = stacks[0].voxels if block else np.asarray(stacks[0].voxels)
     known, origin, context = cells[0], np.zeros(3, int), click.get_current_context()
+    from toposeam.volume.verdict import SurfaceVerdict  # loads what joins stacks
+
+    worst = SurfaceVerdict(step=0.0)
     for place, (stack, offset) in enumerate(zip(stacks[1:], offsets[1:], strict=True), 1):
         context.params |= {"a": stacks[0].source, "b": stack.source}  # names for errors
         with share_bar(f"joining {stack.source.name}", given["quiet"]) as progress, _at_offset(offset):
@@ -211,6 +214,9 @@ def _joined(
             )
         before, known = made, made.cells
         origin = np.minimum(origin, offset)
+        if not given["quiet"]:
+            own = made.verdict.moved(origin)
+            worst = own if own.step >= worst.step else worst
         light = 1.0 if made.tones is None else made.tones.gain
         if abs(math.log(light)) > _UNLIKE and not (given["match_tones"] or given["quiet"]):
             say(
@@ -218,7 +224,7 @@ def _joined(
                 "out",
                 err=True,
             )
-    return before
+    return before, worst.moved(-origin)
 
 
 @contextmanager

@@ -144,6 +144,11 @@ class PlaceFinding:
     #: Whether pictures that show something else are joined by themselves instead of left out.
     takes_groups: bool = False
 
+    @property
+    def turns(self) -> bool:
+        """Whether the canvas is turned after pictures were placed."""
+        return self.horizon is not None or self.options.straighten
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Source:
@@ -302,7 +307,7 @@ def arrange(
     sources, wrap = _sources(files, where, reading, 1 if alone else 2)
     shown = sources
     sources, wrap, finding = _viewed(sources, wrap, finding)
-    turned = sources is not shown or (finding is not None and finding.horizon is not None)
+    turned = sources is not shown or (finding is not None and finding.turns)
     pictures = match_pictures([source.picture for source in sources], keep)
     transforms = _given_places(sources, pictures, where, reading, len(files), alone=alone)
     notes = [noted(source.file) for source in sources]
@@ -412,14 +417,15 @@ def _horizon(named: PlacedPictures, finding: PlaceFinding) -> tuple[int, Any] | 
 def _turned(
     named: PlacedPictures, transforms: Sequence[Transform], wrap: int | None, finding: PlaceFinding | None
 ) -> list[Transform]:
-    """Turn given places until a line of a picture is level, if that is asked for.
+    """Turn given places until a line of a picture is level, or text is, if that is asked for.
 
     Raises
     ------
     OptionError
         If an option finds places, or if the canvas goes all the way round and its pictures have no cameras.
     """
-    foreign = [name for name in (finding.named if finding is not None else ()) if name != "--horizon"]
+    turning = "--horizon", "--straighten"
+    foreign = [name for name in (finding.named if finding is not None else ()) if name not in turning]
     if foreign:
         if foreign[0] in ("--projection", "--fov"):
             raise ts.OptionError(
@@ -429,14 +435,20 @@ def _turned(
         raise ts.OptionError(
             f"{foreign[0]} is for places that are found, and here they are given; leave it out"
         )
-    horizon = None if finding is None else _horizon(named, finding)
+    if finding is None or not finding.turns:
+        return list(transforms)
+    from toposeam.layers.canvas.levelling import levelled, straightening  # only where it is asked for
+
+    horizon = _horizon(named, finding)
+    if horizon is None:
+        horizon = straightening([layer.image for layer in named.layers], transforms)
     if horizon is None:
         return list(transforms)
-    from toposeam.layers.canvas.levelling import levelled  # only where it is asked for
 
     if wrap is not None and not all(isinstance(unbent(one), CameraTransform) for one in transforms):
         raise ts.OptionError(
-            "--horizon cannot turn pictures that were warped round a whole turn already; leave it out"
+            f"{finding.named[-1]} cannot turn pictures that were warped round a whole turn already; leave "
+            "it out"
         )
     return list(levelled(transforms, horizon[0], np.array(horizon[1])))
 
@@ -496,7 +508,7 @@ def _viewed(
 ) -> tuple[list[_Source], int | None, PlaceFinding | None]:
     """Show what given cameras saw in the projection and field of view that are asked for."""
     cameras = [one.transform for one in sources if isinstance(one.transform, CameraTransform)]
-    known = {"--projection", "--fov", "--horizon"}
+    known = {"--projection", "--fov", "--horizon", "--straighten"}
     if finding is None or set(finding.named) - known or len(cameras) < len(sources):
         return sources, wrap, finding
     asked: dict[str, Any] = {"fov": finding.options.fov, "projection": finding.options.projection}

@@ -114,6 +114,12 @@ def finding_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "upright if it is nearer to that.",
         ),
         option(
+            "--straighten",
+            heading="Finding places",
+            is_flag=True,
+            help="Turn scans until lines of text, rules and edges of paper lie level and upright.",
+        ),
+        option(
             "--points",
             heading="Finding places",
             type=FILE,
@@ -155,6 +161,7 @@ class FindingOptions:
     centre: str | None
     fov: float | None
     horizon: Horizon | None
+    straighten: bool
     points: Path | None
     groups: bool | None
     kind: str | None
@@ -216,11 +223,18 @@ class FindingOptions:
             raise ts.OptionError(
                 f"{given[0]} is for a camera that turns, not for {other}; leave one of them out"
             )
+        if self.straighten and (given or self.model == "rotation"):
+            other = given[0] if given else "--model rotation"
+            raise ts.OptionError(f"--straighten is for scans, not for {other}; leave one of them out")
+        if self.straighten and self.horizon is not None:
+            raise ts.OptionError("--straighten and --horizon both turn the picture; leave one of them out")
         if self.exact:
             given.append("--exact")
         if self.model != "auto":
             given.append("--model")
-        given += [f"--{name}" for name in ("horizon", "points", "groups") if getattr(self, name)]
+        given += [
+            f"--{name}" for name in ("horizon", "straighten", "points", "groups") if getattr(self, name)
+        ]
         from toposeam.layers.registration.find_places import PlaceOptions
         from toposeam_cli.stitching.inputs import PlaceFinding
 
@@ -233,6 +247,7 @@ class FindingOptions:
             level=self.level,
             centre=centre,
             fov=self.fov,
+            straighten=self.straighten,
             points={} if self.points is None else _read_points(self.points, files),
         )
         return PlaceFinding(
@@ -298,7 +313,8 @@ def kind_of(transforms: Sequence[Transform], finding: FindingOptions, *, found: 
         return finding.kind
     from toposeam.layers.canvas.transforms import is_move
 
-    return KINDS[all(map(is_move if found and not finding.exact else _is_similarity, transforms))]
+    moved_only = found and not (finding.exact or finding.straighten)
+    return KINDS[all(map(is_move if moved_only else _is_similarity, transforms))]
 
 
 def is_fitted(transforms: Sequence[Transform], finding: FindingOptions, out: Outputs, *, found: bool) -> bool:

@@ -6,6 +6,7 @@ from .heat.method import SurfaceOptions
 from .join import JoinedVolume
 from .mesh import Mesh
 from .surface import Surface
+from .verdict import SurfaceVerdict
 
 __all__ = [
     "SURFACE_METHODS",
@@ -16,4 +17,5 @@ __all__ = [
     "Mesh",
     "Surface",
     "SurfaceOptions",
+    "SurfaceVerdict",
 ]

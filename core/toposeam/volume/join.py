@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Unpack
 
@@ -33,6 +34,7 @@ from toposeam.volume.problem.canvas import Places, place_stacks
 from toposeam.volume.problem.posing import check_spacing
 from toposeam.volume.problem.tones import Tones, tones_of
 from toposeam.volume.surface import Surface
+from toposeam.volume.verdict import SurfaceVerdict
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -64,6 +66,13 @@ class JoinedVolume:
     surface: Surface | None = None
     #: The settings that make it again.
     settings: dict[str, Any] = field(default_factory=dict, repr=False)
+    #: The stacks.
+    _pair: StackPair = field(repr=False)
+
+    @cached_property
+    def verdict(self) -> SurfaceVerdict:
+        """How visibly slices show the surface, judged when it is asked for: up to twelve across each axis."""
+        return self._pair.verdict(self.labels, bool(self.settings["match_tones"]))
 
     def __repr__(self) -> str:
         shape = " × ".join(map(str, self.places.canvas))
@@ -228,6 +237,7 @@ def volume(
         present=pair.covered(),
         surface=surface,
         settings=settings,
+        _pair=pair,
     )
 
 

@@ -19,6 +19,7 @@ from toposeam.volume.problem.canvas import Places
 from toposeam.volume.problem.posing import surface_problem
 from toposeam.volume.problem.tones import Tones
 from toposeam.volume.surface import Surface
+from toposeam.volume.verdict import SurfaceVerdict, surface_verdict
 
 _Which = Literal["a", "b"]
 
@@ -148,6 +149,31 @@ class StackPair:
         result[places.box("a")] = True if self.present is None else self.present
         result[places.box("b")] = True
         return result
+
+    def verdict(self, labels: Any, evened: bool) -> SurfaceVerdict:
+        """Judge how visibly slices show the surface; parameters as of :meth:`joined`."""
+        black: Any = 0.0
+        white = self.data_range or (1.0 if self.a.dtype.kind in "fb" else float(np.iinfo(self.a.dtype).max))
+        if self.tones is not None:
+            black, white = self.tones.black_a, self.tones.white
+
+        def shown(window: tuple[slice, ...], which: str) -> tuple[Floats32, Mask]:
+            place: _Which = "a" if which == "a" else "b"
+            stack = self.a if which == "a" else self.b
+            common, here = self._common(window, place)
+            values = np.zeros((*(part.stop - part.start for part in window), stack.shape[3]), np.float32)
+            mask = np.zeros(values.shape[:3], bool)
+            inside = self.places.inside(common, which)
+            if all(part.start < part.stop for part in common):
+                found = np.asarray(stack[inside])
+                if which == "b" and evened and self.tones is not None:
+                    found = self.tones.evened(found, [part.start for part in common])
+                values[here] = (found - black) / white
+                known = which == "a" and self.present is not None
+                mask[here] = np.asarray(self.present[inside]) if known else True
+            return values, mask
+
+        return surface_verdict(self.places, labels, shown)
 
     def _on(self, window: tuple[slice, ...], which: _Which) -> tuple[Volume | Floats32, Mask]:
         """Return what a stack shows of a window of the canvas, and where it has voxels there."""

@@ -3,7 +3,7 @@ from .canvas import Canvas, channel_count, common_canvas, extent_of, groups, pai
 from .cylinder import Turned, narrowed, turned, turned_map
 from .largest_rectangle import largest_full
 from .layer import MAX_MEGAPIXELS, Box, Layer, as_layers, check_layers, cut
-from .levelling import as_horizon, levelled
+from .levelling import as_horizon, levelled, straightening
 from .resampling import placed
 from .side_by_side import overlapping
 from .tile_map import (
@@ -115,6 +115,7 @@ __all__ = [
     "settled",
     "several",
     "similarity",
+    "straightening",
     "turned",
     "turned_camera",
     "turned_map",

@@ -2,11 +2,12 @@ from .bending import bent
 from .equations import flat_meshes, solved
 from .lines import find_lines
 from .trial import is_seen, reduced_copies, trial_seam
-from .verticals import MOST_PITCH, down_of
+from .verticals import MOST_PITCH, costs_too_much, down_of
 
 __all__ = [
     "MOST_PITCH",
     "bent",
+    "costs_too_much",
     "down_of",
     "find_lines",
     "flat_meshes",

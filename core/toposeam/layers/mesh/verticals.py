@@ -3,7 +3,8 @@
 A camera of known turn sees the points of a line in a plane through its centre, with the normal n; a line that
 is upright in the scene has n · d = 0, for the direction d that points down. Straight edges that are nearly
 upright vote for d, each with its length and a width of 0.7°; the direction with the most votes is adjusted to
-those that agree with it by least squares.
+those that agree with it by least squares. A canvas that is turned so far that much less of it is a rectangle
+stays as it was.
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ import numpy as np
 
 from toposeam.arrays import Floats, Image
 from toposeam.images import as_planes, full_scale
+from toposeam.layers.canvas.largest_rectangle import largest_full
+from toposeam.layers.canvas.transforms import Transform
 from toposeam.layers.mesh.lines import find_lines
 
 #: Longer side, px, of the reduced pictures in which lines are looked for; the shortest line, its share.
@@ -27,6 +30,10 @@ _FEWEST, _SHARE = 8, 0.5
 #: Pitch of a flat canvas, degrees, up to which upright lines stay parallel on it; farther, that would stretch
 #: too much.
 MOST_PITCH = 12.0
+#: Share of what shows that a degree of leaning is worth, at most.
+_WORTH = 0.012
+#: Longer side, px, of the reduced canvas on which what is kept is measured; points along a picture's side.
+_OUTLINES, _POINTS = 240, 24
 #: Deviation, degrees, of the first guess, as far as votes leave the answer open.
 _PRIOR = 6.0
 
@@ -79,6 +86,46 @@ def down_of(
     if math.hypot(*tilt) > math.radians(_FARTHEST):
         return None
     return np.asarray(down / np.linalg.norm(down))
+
+
+def costs_too_much(
+    sizes: Floats, upright: Sequence[Transform], leaning: Sequence[Transform], degrees: float
+) -> bool:
+    """Test whether a rectangle of a canvas keeps so much less where it is turned upright that it should lean.
+
+    Parameters
+    ----------
+    sizes : (N, 2) array
+        Width and height of pictures, px.
+    upright, leaning : sequence of Transform
+        From them to either canvas.
+    degrees : float
+        By how much it would lean.
+    """
+    return _share_kept(sizes, leaning) - _share_kept(sizes, upright) > _WORTH * degrees
+
+
+def _share_kept(sizes: Floats, transforms: Sequence[Transform]) -> float:
+    """Return the share of what pictures fill of a canvas that the largest rectangle in it has."""
+    from skimage.draw import polygon
+
+    outlines = []
+    along = np.linspace(0, 1, _POINTS)
+    ring = np.stack(
+        [[along, 0 * along], [0 * along + 1, along], [1 - along, 0 * along + 1], [0 * along, 1 - along]]
+    )
+    for size, transform in zip(sizes, transforms, strict=True):
+        points = transform.to_canvas(ring.transpose(0, 2, 1).reshape(-1, 2) * (size - 1))
+        outlines.append(points[np.isfinite(points).all(axis=1)])
+    everything = np.concatenate(outlines)
+    low, extent = everything.min(axis=0), np.ptp(everything, axis=0)
+    scale = _OUTLINES / float(extent.max())
+    shown = np.zeros((np.ceil(extent[::-1] * scale) + 1).astype(int), bool)
+    for outline in outlines:
+        x, y = ((outline - low) * scale).T
+        shown[polygon(y, x, shown.shape)] = True  # type: ignore[no-untyped-call]
+    box = largest_full(shown)
+    return 0.0 if box is None else math.prod(box.shape) / int(shown.sum())
 
 
 def _normals(pictures: Sequence[Image], rays_of: Callable[[int, Floats], Floats]) -> tuple[Floats, Floats]:

@@ -67,6 +67,7 @@ from toposeam.layers.registration.placement import (
 from toposeam.layers.registration.pose_graph import FREEDOMS, LARGEST_MISFIT, open_corners, residuals
 
 if TYPE_CHECKING:
+    from toposeam.layers.registration import perspective
     from toposeam.layers.registration.bundle_adjustment import Bundle
     from toposeam.layers.registration.perspective import ModelFit
 
@@ -91,6 +92,7 @@ def find_places(
     centre: int | None = None,
     fov: float | None = None,
     horizon: tuple[int, npt.ArrayLike] | None = None,
+    straighten: bool = False,
     points: Mapping[Pair, npt.ArrayLike] | None = None,
     least_correlation: float = LEAST_CORRELATION,
     progress: Callable[[float], None] | None = None,
@@ -125,6 +127,9 @@ def find_places(
     horizon : (int, (2, 2) array_like), optional
         A picture, and two points of it, x and y, px from the middle of its upper left pixel. The canvas is
         turned until the line between them is level, or upright if it is nearer to that.
+    straighten : bool
+        Turn the canvas by up to 15° until lines of text, rules and edges of paper lie level and upright,
+        where these stand out. Of a camera that turned, `level` does that.
     points : mapping from (int, int) to (M, 4) array_like, optional
         Points that two pictures share, at least four, in place of the features found in them: x and y in the
         one, px from the middle of its upper left pixel, and in the other.
@@ -164,6 +169,7 @@ def find_places(
         centre=centre,
         fov=fov,
         horizon=horizon,
+        straighten=straighten,
         points={} if points is None else points,
         least_correlation=least_correlation,
     )
@@ -186,6 +192,7 @@ class PlaceOptions:
     centre: int | None = None
     fov: float | None = None
     horizon: tuple[int, npt.ArrayLike] | None = None
+    straighten: bool = False
     points: Mapping[Pair, npt.ArrayLike] = field(default_factory=dict)
     least_correlation: float = LEAST_CORRELATION
 
@@ -204,6 +211,7 @@ class PlaceOptions:
         check_choice("projection", self.projection, ("auto", *PROJECTIONS))
         check_choice("level", self.level, (True, False))
         check_choice("exact", self.exact, (True, False))
+        check_choice("straighten", self.straighten, (True, False))
         check_range(0, 1, above=True, least_correlation=self.least_correlation)
         if self.focal is not None:
             check_range(1, 1e9, focal=self.focal)
@@ -216,6 +224,13 @@ class PlaceOptions:
                 "exact is for moves, turns and scales, not for the model {model}; leave one of them out",
                 kind="conflict",
                 model=self.model,
+            )
+        if self.straighten and self.horizon is not None:
+            raise OptionError(
+                "{straighten} and {horizon} both turn the canvas; leave one of them out",
+                kind="conflict",
+                straighten=Term("straighten"),
+                horizon=Term("horizon"),
             )
         if self.centre is not None:
             check_whole("centre", self.centre, 0, count - 1)
@@ -297,6 +312,11 @@ def found_places(
                 why=placement.left_out[number],
             )
         placement = placement.levelled(placement.numbers.index(number), line)
+    if options.straighten and placement.focal is None:
+        from toposeam.layers.canvas.levelling import straightening
+
+        level = straightening([pictures[number].image for number in numbers], placement.transforms)
+        placement = placement if level is None else placement.levelled(*level)
     layers = place([pictures[number] for number in numbers], placement.transforms, placement.wrap)
     report(1.0)
     doubts = (*placement.doubts, *large_canvas(layers, areas))
@@ -515,12 +535,10 @@ def _adjusted(
     if reaches and not closes:
         doubts.append(open_turn())
     bundle = fit.bundle
-    transforms: Sequence[Transform]
-    width = projection = None
-    down = _down(matcher, numbers, options, fit.camera if bundle.family == "plane" else bundle)
+    camera = fit.camera if bundle.family == "plane" else bundle
+    down = _down(matcher, numbers, options, camera)
     if bundle.family == "plane":
         view = perspective.View(level=options.level, down=down)
-        transforms = perspective.plane_transforms(bundle, fit.camera, view)
     else:
         asked = None if options.projection == "auto" else options.projection
         centre = numbers.index(options.centre) if options.centre in numbers else None
@@ -532,8 +550,9 @@ def _adjusted(
             closed=closes,
             down=down,
         )
-        cameras, width = perspective.camera_transforms(bundle, view)
-        transforms, projection = cameras, cameras[0].projection
+    transforms, width = _shown(bundle, camera, view)
+    first = transforms[0]
+    projection = first.projection if isinstance(first, CameraTransform) else None
     distances = {pair: bundle.distances(pair, match) for pair, match in fit.matches.items()}
     shown = range(len(numbers)) if options.fov is None else _in_view(transforms, bundle, options.fov)
     placement = _placement(
@@ -555,6 +574,32 @@ def _adjusted(
         wrap=width,
         doubts=tuple(doubts),
     )
+
+
+def _shown(
+    bundle: Bundle, camera: Bundle | None, view: perspective.View
+) -> tuple[Sequence[Transform], int | None]:
+    """Lay all pictures on a canvas, upright unless that costs too much of it; return also its width, px, if
+    it goes all the way round.
+    """
+    from toposeam.layers.registration import perspective
+
+    transforms: Sequence[Transform]
+    width = None
+    if bundle.family == "plane":
+        transforms = perspective.plane_transforms(bundle, camera, view)
+    else:
+        transforms, width = perspective.camera_transforms(bundle, view)
+    if view.down is None or camera is None or width is not None:
+        return transforms, width
+    from toposeam.layers.mesh.verticals import costs_too_much
+
+    leaning, width = _shown(bundle, camera, replace(view, down=None))
+    cosine = min(1.0, float(perspective.level_down(camera) @ view.down))
+    degrees = float(np.degrees(np.arccos(cosine)))
+    if width is None and costs_too_much(bundle.sizes, transforms, leaning, degrees):
+        return leaning, None
+    return transforms, None
 
 
 def _down(

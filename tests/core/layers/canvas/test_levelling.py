@@ -12,6 +12,7 @@ from toposeam.layers.canvas import (
     PlaneTransform,
     levelled,
     similarity,
+    straightening,
     turned_camera,
 )
 
@@ -81,3 +82,34 @@ def test_a_mesh_bends_the_same_pixels():
 def test_what_cannot_be_level_is_a_sentence(transforms, line):
     with pytest.raises(ts.OptionError, match="; "):
         levelled(transforms, 0, np.array(line, float))
+
+
+def page():
+    """(420, 560) uint8: lines of letters, and a rule."""
+    rng = np.random.default_rng(0)
+    white = np.full((420, 560), 245, np.uint8)
+    for top in range(40, 380, 18):
+        letters = rng.random((8, 480)) < 0.4
+        white[top : top + 8, 40:520][letters] = 30
+    return white
+
+
+@pytest.mark.parametrize("degrees", [-9.0, -1.3, 0.4, 3.0])
+def test_text_lies_level(degrees):
+    transforms = [similarity((0, 0), degrees), similarity((20, 300), degrees)]
+    found = straightening([page(), page()], transforms)
+    assert found is not None
+    turned = levelled(transforms, *found)
+    assert [np.degrees(np.arctan2(*one.matrix[[1, 0], 0])) for one in turned] == pytest.approx(
+        [0, 0], abs=0.1
+    )
+
+
+def test_upside_down_stays_and_what_has_no_direction_is_left():
+    upside = straightening([page()], [similarity((0, 0), 177.0)])
+    assert upside is not None
+    (turned,) = levelled([similarity((0, 0), 177.0)], *upside)
+    assert np.degrees(np.arctan2(*turned.matrix[[1, 0], 0])) % 360 == pytest.approx(180, abs=0.1)
+    noise = np.random.default_rng(1).integers(0, 256, (200, 300), np.uint8)
+    assert straightening([noise], [similarity((0, 0))]) is None
+    assert straightening([np.full((50, 60), 9, np.uint8)], [similarity((0, 0))]) is None

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from toposeam.layers import mesh
+from toposeam.layers.canvas import similarity
 from toposeam.layers.registration import View, camera_transforms
 from toposeam.layers.registration.bundle_adjustment import Bundle
 from toposeam.layers.registration.perspective import level_down, rays_at
@@ -76,3 +77,12 @@ def test_columns_stand_upright_on_a_flat_canvas():
         pixels = seen[:, :2] / seen[:, 2:] * FOCAL + (np.array(SIZE) - 1) / 2
         x = transform.to_canvas(pixels)[:, 0].reshape(2, 2)
         assert (np.abs(x[:, 1] - x[:, 0]).max() > 3) == leans
+
+
+def test_upright_lines_may_not_cost_much_of_a_rectangle():
+    sizes = np.array([[200, 150], [200, 150]])
+    level = [similarity((0, 0)), similarity((150, 0))]
+    turned = [similarity((0, 0), 3.0), similarity((150, 8), 3.0)]
+    assert mesh.costs_too_much(sizes, turned, level, 3.0)
+    assert not mesh.costs_too_much(sizes, level, turned, 3.0)
+    assert not mesh.costs_too_much(sizes, level, level, 0.5)

@@ -1,7 +1,7 @@
 from .bending import bent
-from .equations import flat_meshes, solved
+from .equations import finer, flat_meshes, solved
 from .lines import find_lines
-from .trial import is_seen, reduced_copies, trial_seam
+from .trial import is_seen, reduced_copies, toned_copies, trial_seam
 from .verticals import MOST_PITCH, down_of
 
 __all__ = [
@@ -9,9 +9,11 @@ __all__ = [
     "bent",
     "down_of",
     "find_lines",
+    "finer",
     "flat_meshes",
     "is_seen",
     "reduced_copies",
     "solved",
+    "toned_copies",
     "trial_seam",
 ]

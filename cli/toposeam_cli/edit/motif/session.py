@@ -199,6 +199,7 @@ class MotifSession:
             "walls": [{"points": wall.points, "radius": wall.radius} for wall in sketch.walls],
             "undo": len(self._past),
             "redo": len(self._future),
+            "final": self.final,
         }
 
     def _keep(self, sketch: Sketch, *, done: bool, final: bool = False) -> None:

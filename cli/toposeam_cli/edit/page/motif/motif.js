@@ -97,10 +97,12 @@ export class Motif {
   take(head) {
     const before = this.state;
     this.state = head;
+    this.final = head.final; // until the changed motif is there, the former one is shown
     this.lattice = new Lattice(head);
     if (this.ink >= head.layers.length) this.ink = null;
     this.colours = { paper: head.paper, inks: head.layers.map(layer => layer.ink), opaque: head.inking === 'opaque' };
     this.panels.show();
+    this.panels.status();
     if (before && (before.repeat !== head.repeat || before.size.join() !== head.size.join())) this.fit();
     if (this.cell && before && JSON.stringify([before.paper, before.inking, before.layers.map(one => one.ink)]) !== JSON.stringify([head.paper, head.inking, head.layers.map(one => one.ink)])) this.strip.later();
     this.draw();

@@ -271,18 +271,10 @@ def toned_as(
     return found
 
 
-class _Tones(NamedTuple):
-    """What :class:`Toned` does to a layer."""
-
-    gain: Floats
-    field: Field | None
-    top: float | None
-
-
 def _tones(
     layers: Sequence[Layer], shading: bool, gray: bool = False, executor: Executor | None = None
-) -> list[_Tones]:
-    """Find the tones of layers as :func:`match_tones` does."""
+) -> list[tuple[Floats, Field | None, float | None]]:
+    """Find the tones of layers as :func:`match_tones` does: what :class:`Toned` takes besides each."""
     for layer in layers:
         if not isinstance(layer.image, Windows):
             check_values(layer.image, layer.title, layer.data_range)  # what is white is known
@@ -300,7 +292,7 @@ def _tones(
         samples = list(results(executor, _sample_tones, items))
     brightest = [sample.brightest for sample in samples]
     top = None if linear else max(1.0, float((np.array(brightest) * gains).max()))
-    return [_Tones(*one, top) for one in zip(gains, fields, strict=True)]
+    return [(*one, top) for one in zip(gains, fields, strict=True)]
 
 
 def _find_fields(

@@ -85,7 +85,7 @@ check-deep: $(READY)  ## 120 seeded mutations of the code: do the tests notice? 
 
 SEED := $(shell date +%s)
 check-trust: $(READY)  ## 18,000 drawn commands and calls, 200 kills, full disks, a second user, with new seeds (an hour)
-	TOPOSEAM_FUZZ=16 TOPOSEAM_FUZZ_SEED=$(SEED) TOPOSEAM_KILLS=100 TOPOSEAM_KILLS_SEED=$(SEED) $(ONE_THREAD) $(BIN)/python -m pytest \
+	TOPOSEAM_FUZZ=32 TOPOSEAM_FUZZ_SEED=$(SEED) TOPOSEAM_KILLS=100 TOPOSEAM_KILLS_SEED=$(SEED) $(ONE_THREAD) $(BIN)/python -m pytest \
 		-n auto --dist worksteal tests/fuzz tests/cli/test_any_pictures.py tests/cli/test_any_bytes.py tests/cli/test_ends.py tests/cli/test_machine_fails.py tests/cli/test_rights.py \
 		tests/cli/test_second_user.py tests/cli/test_doors.py tests/cli/test_budgets.py tests/cli/commands/test_hostile_stacks.py \
 		tests/cli/commands/test_loop_command.py

@@ -65,7 +65,7 @@ def strips() -> list[list[str]]:
             auto.append(1e3 * took["auto"])
             for method, ratio in ratios.items():
                 ratio.append((took[method] / took["auto"], found[method].cost / found["auto"].cost))
-        row = [size.replace("x", " × "), str(count), f"{statistics.median(auto):.3g}"]
+        row = [size.replace("x", " × "), str(count), three_digits(statistics.median(auto))]
         for ratio in ratios.values():
             times, costs = zip(*ratio, strict=True)
             row += [
@@ -75,6 +75,11 @@ def strips() -> list[list[str]]:
         rows.append(row)
         print(" | ".join(rows[-1]), flush=True)
     return rows
+
+
+def three_digits(value: float) -> str:
+    """Return a number of milliseconds with three digits, and no exponent."""
+    return f"{float(f'{value:.3g}'):g}"
 
 
 def rings() -> list[list[str]]:
@@ -96,7 +101,7 @@ def rings() -> list[list[str]]:
             fresh = SeamProblem(problem.overlap, problem.right, problem.down)
             took, labels = timed(partial(engine, fresh))
             cost[name] = problem.cost(labels)
-            row.append(f"{1e3 * took:.3g}")
+            row.append(three_digits(1e3 * took))
         rows.append([*row, f"{cost[FLOW] / cost['heat']:.4f}"])
         print(" | ".join(rows[-1]), flush=True)
     return rows

@@ -5,7 +5,7 @@
 its commands end with code 0 and write what they are to write, and if its pages name the commands and options
 that it uses. Printed are seconds of wall time, with Python's start in each command.
 
-What a person needs besides, to find the page and to read it, is not measured here.
+What a person needs besides was counted once, by hand (`COUNTED`); ``--write`` puts it into docs/tasks.md.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ import numpy as np
 from PIL import Image
 
 from stamp import stamp
+from written import write_table
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -61,7 +62,7 @@ TASKS = (
     ),
     task(
         "no seam through a face, without an editor of masks",
-        "docs/stitching.md",
+        "docs/tutorials/join.md",
         "f.png",
         f"stitch {A} {B} --offset 270,0 --avoid ellipse:300,100,80,200 -o f.png",
     ),
@@ -271,6 +272,57 @@ TASKS = (
     task("what is missing on this machine", "docs/install.md", "", "doctor"),
     task("completion in the shell", "docs/install.md", "", "completion bash"),
 )
+#: Of each task: commands until the result was right, dead ends met, and minutes of reading, about.
+COUNTED = (
+    *(
+        (1, 0, 1),
+        (1, 0, 2),
+        (1, 0, 1),
+        (1, 1, 4),
+        (1, 0, 3),
+        (1, 0, 1),
+        (1, 1, 2),
+        (2, 1, 4),
+        (1, 0, 2),
+        (1, 0, 3),
+    ),
+    *(
+        (1, 0, 2),
+        (4, 1, 4),
+        (2, 0, 2),
+        (1, 0, 3),
+        (2, 0, 2),
+        (1, 1, 3),
+        (1, 0, 2),
+        (1, 0, 3),
+        (1, 1, 2),
+        (1, 0, 2),
+    ),
+    *(
+        (1, 0, 2),
+        (1, 0, 3),
+        (1, 0, 1),
+        (1, 0, 1),
+        (1, 0, 1),
+        (1, 0, 1),
+        (1, 0, 1),
+        (1, 0, 2),
+        (1, 0, 1),
+        (2, 0, 1),
+    ),
+    *(
+        (2, 0, 1),
+        (2, 0, 3),
+        (1, 0, 1),
+        (2, 0, 1),
+        (1, 0, 2),
+        (1, 0, 3),
+        (1, 0, 3),
+        (1, 0, 2),
+        (1, 0, 1),
+        (1, 1, 2),
+    ),
+)
 
 
 def prepare(folder: Path) -> None:
@@ -321,11 +373,31 @@ def undocumented(one: Task) -> list[str]:
     )
 
 
+def table() -> list[list[str]]:
+    """What docs/tasks.md shows of each task: its page, its commands, what was counted."""
+    rows = [["", "task", "page", "command", "commands", "dead ends met", "minutes"]]
+    for number, (one, counted) in enumerate(zip(TASKS, COUNTED, strict=True), 1):
+        pages = ", ".join(
+            f"[{Path(page).stem}]({page.removeprefix('docs/') if page.startswith('docs/') else f'../{page}'})"
+            for page in one.pages
+        )
+        commands = "<br>".join(f"`toposeam {command}`" for command in one.commands)
+        rows.append([str(number), one.wish, pages, commands, *map(str, counted)])
+    commands, met, minutes = (sum(column) for column in zip(*COUNTED, strict=True))
+    return [*rows, ["", "all", "", "", str(commands), str(met), str(minutes)]]
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--program", help="the command toposeam; by default this Python's")
     parser.add_argument("--only", help="numbers of tasks, counted from 1")
+    parser.add_argument(
+        "--write", action="store_true", help="write the table of docs/tasks.md, and do nothing"
+    )
     given = parser.parse_args()
+    if given.write:
+        write_table("tasks.md", "benchmarks/tasks.py", table())
+        return
     program = [given.program] if given.program else [sys.executable, "-m", "toposeam_cli"]
     chosen = {int(one) for one in given.only.split(",")} if given.only else set(range(1, len(TASKS) + 1))
     print(stamp())

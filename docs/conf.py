@@ -12,15 +12,18 @@ import posixpath
 import re
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from latex2mathml.converter import convert
+from pygments.lexers.shell import BashLexer
+from pygments.token import Name
 from sphinx.application import Sphinx
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "docs"))
 
 from command_reference import command_pages  # noqa: E402 - it lies beside this file
+from toposeam import typing  # noqa: E402 - of the checkout
 
 _MADE = json.loads((ROOT / "docs/figures/made.json").read_text(encoding="utf-8"))
 _PUBLIC = ROOT / "core/toposeam"
@@ -49,6 +52,7 @@ autodoc_default_options = {"members": True, "member-order": "bysource"}
 autosummary_generate = False
 autodoc_typehints = "none"  # the docstrings say it with shapes and units
 nitpicky = False
+highlight_language = "none"  # tables in text blocks are no Python
 html_theme = "furo"
 html_title = f"TopoSeam {release}"
 html_static_path = ["site"]
@@ -60,8 +64,18 @@ suppress_warnings = ["ref.python"]  # a name that two classes share, like `cost`
 copybutton_prompt_text = "$ "
 
 
+class Commands(BashLexer):
+    """Commands whose options are words of their own, which `site.css` keeps from being broken."""
+
+    tokens: ClassVar[dict[str, list[Any]]] = {
+        **BashLexer.tokens,
+        "data": [(r"(?<!\S)--?[a-z][\w-]*", Name.Attribute), *BashLexer.tokens["data"]],
+    }
+
+
 def setup(app: Sphinx) -> None:
     """Formulas as MathML, which browsers draw by themselves; the reference from what the package offers."""
+    app.add_lexer("sh", Commands)
     app.add_html_math_renderer("mathml", inline_renderers=(_inline, None), block_renderers=(_block, None))
     app.connect("builder-inited", lambda app: write_reference(ROOT / "docs/reference"))
     app.connect("html-page-context", _finish)
@@ -90,11 +104,12 @@ def _skip() -> Exception:
 
 def _finish(app: Sphinx, page: str, template: str, context: dict[str, Any], doctree: Any) -> None:
     """A click on a picture shows it in full, unless it leads elsewhere, and its title says what drew it; no
-    dash where nothing follows.
+    dash where nothing follows; cells of much text are marked, which `site.css` gives room on a telephone.
     """
     if "body" not in context:
         return
     body = re.sub(r"\s–\s*(?=</p>)", "", context["body"])
+    body = re.sub(r"<td>(?=(?:[^<]|<(?!/td)){80})", '<td class="long">', body)
     body = re.sub(r'<img (?=[^>]*src="[^"]*/([^"/]+)")', _with_title, body)
     parts = re.split(r"(<a [^>]*>.*?</a>)", body, flags=re.DOTALL)
     picture = re.compile(r'<img [^>]*src="([^"]+)"[^>]*>')
@@ -213,7 +228,9 @@ def write_reference(folder: Path) -> None:
         lines += [*(f"   {_page(name)}" for name in listed), ""]
         for name, module in found:
             if name.split(".")[-1].isupper():
-                lines += [f".. autodata:: {module}.{name.split('.')[-1]}"]
+                constant = name.split(".")[-1]
+                room = "toposeam.typing" if hasattr(typing, constant) else module
+                lines += [f".. autodata:: {room}.{constant}"]
                 lines += ["   :no-value:", ""] if name in LONG else [""]
             else:
                 _write(folder / f"{_page(name)}.rst", _described(name))

@@ -54,6 +54,16 @@ def test_a_sub_room_has_what_it_offers(name):
         assert getattr(room, one) is getattr(importlib.import_module(module), one)
 
 
+def test_nothing_offered_has_the_name_of_a_module_beside_it():
+    """Importing such a module would put it in the place of what is offered."""
+    for stub in CORE.glob("*/**/__init__.pyi"):
+        modules = {path.stem for path in stub.parent.glob("*.py")} | {
+            path.parent.name for path in stub.parent.glob("*/__init__.py")
+        }
+        imports = [node for node in parsed(stub).body if isinstance(node, ast.ImportFrom) and node.module]
+        assert not modules & {alias.name for node in imports for alias in node.names}, stub.parent.name
+
+
 def test_what_other_rooms_import_is_offered():
     missing = set()
     for package, root in PACKAGES.items():

@@ -16,7 +16,7 @@ from .errors import (
 from .images import MAX_PIXELS, Windows
 from .layers.canvas.layer import Layer
 from .layers.composite.judge import verdict
-from .layers.composite.stitch import stitch
+from .layers.composite.stitching import stitch
 from .layers.registration.find_places import find_places
 from .motif.generate import generate_motif
 from .motif.motif import repeat

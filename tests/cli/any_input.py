@@ -20,9 +20,9 @@ quick = settings(
 )
 
 
-#: The full measure is TOPOSEAM_FUZZ=16.
+#: The full measure is TOPOSEAM_FUZZ=32.
 thorough = settings(
-    max_examples=150 * int(os.environ.get("TOPOSEAM_FUZZ", "1")),
+    max_examples=75 * int(os.environ.get("TOPOSEAM_FUZZ", "1")),
     deadline=None,
     suppress_health_check=list(HealthCheck),
 )

@@ -83,7 +83,7 @@ def test_what_a_stitch_never_uses_is_not_loaded(tmp_path):
         "import sys; from toposeam_cli.app.registry import numerics_loading\n"
         "with numerics_loading(): import toposeam; toposeam.stitch\nprint(*sys.modules)"
     ).split()
-    assert {"numpy.f2py", "numpy.ma", "numpy.testing", "toposeam.layers.composite.stitch"} <= set(loaded)
+    assert {"numpy.f2py", "numpy.ma", "numpy.testing", "toposeam.layers.composite.stitching"} <= set(loaded)
     assert not {"numpy.f2py.f2py2e", "numpy.ma.core", "unittest", "importlib.metadata", "pydoc"} & set(loaded)
 
 

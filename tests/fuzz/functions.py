@@ -121,7 +121,7 @@ class Fuzzer:
         if "Layer" in said:
             return [ts.Layer(self.picture()), ts.Layer(self.picture(), at=(12, 3))]
         if "Callable" in said:
-            return lambda share: None
+            return lambda *arguments: None
         choices = {
             "method": ts.seam.METHODS,
             "blend": ts.layers.BLENDS,

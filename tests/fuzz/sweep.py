@@ -52,7 +52,7 @@ def by_name(known):
             "opened": np.ones(joined.shape, bool),
         },
         "restitch": {"layers": layers, "masks": joined.masks, "paths": {(0, 1): path}},
-        "tile_set": {"sources": [wide[:40, :40], wide[:40, 60:100]], "size": 24, "variants": 1},
+        "tile_set": {"sources": [wide[:20, :20], wide[:20, 60:80]], "size": 12, "variants": 1},
         "seam_verdict": {"seam": ts.find_seam(wide, wide[::-1]), "a": wide, "b": wide[::-1]},
     }
 

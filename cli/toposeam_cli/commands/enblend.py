@@ -13,7 +13,7 @@ import numpy as np
 
 import toposeam as ts
 from toposeam.layers.canvas.layer import Box
-from toposeam.layers.composite.stitch import composed_of_masks
+from toposeam.layers.composite.stitching import composed_of_masks
 from toposeam_cli.app.options import OUTPUT
 from toposeam_cli.app.progress import say, share_bar
 from toposeam_cli.files.scratch import scratch

@@ -421,6 +421,11 @@ def _turned(
     """
     foreign = [name for name in (finding.named if finding is not None else ()) if name != "--horizon"]
     if foreign:
+        if foreign[0] in ("--projection", "--fov"):
+            raise ts.OptionError(
+                f"{foreign[0]} shows anew what cameras saw, and here places without cameras are given; "
+                "let them be found with --model rotation, or leave it out"
+            )
         raise ts.OptionError(
             f"{foreign[0]} is for places that are found, and here they are given; leave it out"
         )

@@ -5,7 +5,7 @@ from .canvas.side_by_side import overlapping
 from .composite.composition import Composition
 from .composite.fitting import fitted
 from .composite.options import StitchOptions
-from .composite.restitch import restitch
+from .composite.recutting import restitch
 from .composite.sinks import ArraySink, Sink
 from .composite.summary import pair_name
 from .exposure.gains import match_tones

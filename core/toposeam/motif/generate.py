@@ -35,7 +35,7 @@ from toposeam.motif.motif import Motif
 from toposeam.motif.optimise.conduction import nominal_conductivity
 from toposeam.motif.optimise.hexagonal_lattice import tile_size, to_tile
 from toposeam.motif.optimise.layer import Step, on_outline, optimise_layer, outline_on_cell
-from toposeam.motif.optimise.spots import Points, inside_only, lay_spots, place_around, spots
+from toposeam.motif.optimise.spot_layout import Points, inside_only, lay_spots, place_around, spots
 from toposeam.motif.recipe.composition import pack_guide, pack_outline
 from toposeam.motif.recipe.recipe import (
     LAWS,

@@ -12,7 +12,7 @@ from toposeam.checks import Seed, check_kind, check_range, seed_of
 from toposeam.motif.generate import random_recipe
 from toposeam.motif.ink.palettes import Palette
 from toposeam.motif.optimise.layer import outline_on_cell
-from toposeam.motif.optimise.spots import lies_in
+from toposeam.motif.optimise.spot_layout import lies_in
 from toposeam.motif.recipe.recipe import LayerRecipe, Point, Recipe, unpack_base
 from toposeam.motif.recipe.styles import STYLES, draw_rule
 from toposeam.motif.symmetry.rules import fits_twice

@@ -2,6 +2,7 @@ from .border_fit import BorderFit, fit_borders
 from .canvas.synthesis import Synthesis, apply_coordinates
 from .canvas.tileable import TILEABLE, Tileable
 from .canvas.visible_joints import JointVerdict
+from .corner_tiles import TileSet, tile_set
 from .exemplar.scale import natural_patch
 from .exemplar.turns import TURNS
 from .fill import BYS
@@ -9,7 +10,6 @@ from .light.slow_light import flatten_light
 from .periodicity.phase import closing_size
 from .placement.options import LayOptions
 from .setting_trial import SETTINGS
-from .tile_set import TileSet, tile_set
 
 __all__ = [
     "BYS",

@@ -529,7 +529,8 @@ def test_cameras_are_shown_in_another_projection(work, toposeam):
         assert made() == before
     refused = "is for places that are found, and here they are given; leave it out"
     toposeam("stitch", "cameras.toml", "--focal", "30", *out).fails(f"--focal {refused}")
-    toposeam("stitch", "tilted.toml", "--projection", "sphere", *out).fails(f"--projection {refused}")
+    without = "shows anew what cameras saw, and here places without cameras are given; let them be found with"
+    toposeam("stitch", "tilted.toml", "--projection", "sphere", *out).fails(f"--projection {without}")
     toposeam("stitch", "cameras.toml", "--fov", "0.1", *out).fails("the canvas shows nothing of")
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import toposeam as ts
-from toposeam.motif.optimise.spots import _random_places
+from toposeam.motif.optimise.spot_layout import _random_places
 from toposeam.motif.symmetry import HEXAGONAL
 
 QUICK = {"size": 48, "layers": 2, "iterations": 6}

@@ -1,7 +1,7 @@
-from .best_box import best_box
+from .box_search import best_box
 from .fit import fitted_boundary, fitted_box, laid_in_memory
 from .ground import HOLE, BorderGround, ground_of, prices_of
-from .overview import Overview, overview
+from .reduced import Overview, overview
 
 __all__ = [
     "HOLE",

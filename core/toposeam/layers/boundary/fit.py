@@ -10,10 +10,10 @@ import numpy as np
 import scipy
 
 from toposeam.arrays import Floats, Floats32, Mask
-from toposeam.layers.boundary.best_box import best_box
+from toposeam.layers.boundary.box_search import best_box
 from toposeam.layers.boundary.ground import BorderGround, ground_of, prices_of
-from toposeam.layers.boundary.overview import Overview, overview
 from toposeam.layers.boundary.rectangling import Rectangling
+from toposeam.layers.boundary.reduced import Overview, overview
 from toposeam.layers.canvas.canvas import common_canvas
 from toposeam.layers.canvas.layer import Box, Layer
 from toposeam.layers.canvas.transforms import (

@@ -14,7 +14,7 @@ import numpy.typing as npt
 import scipy
 
 from toposeam.arrays import Floats, Floats32, Mask
-from toposeam.layers.boundary.overview import Overview
+from toposeam.layers.boundary.reduced import Overview
 from toposeam.layers.mesh.lines import find_lines
 
 #: How deep a fill may go beside plain ground and beside even texture, as shares of the shorter side.

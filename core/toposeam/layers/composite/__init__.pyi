@@ -1,9 +1,9 @@
 from .composition import WINDOW_BLOCKS, Composition
 from .options import MOST_BENT, StitchOptions
-from .restitch import restitch
+from .recutting import restitch
 from .seams import SeamOutline, steps_along
 from .sinks import ArraySink, Sink
-from .stitch import composed_of_masks, stitch
+from .stitching import composed_of_masks, stitch
 from .summary import pair_name, seams_svg
 
 __all__ = [

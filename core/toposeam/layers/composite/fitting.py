@@ -15,7 +15,7 @@ from toposeam.errors import TopoSeamError
 from toposeam.images import Windows, box_of, full_scale
 from toposeam.layers.boundary.fit import fitted_box
 from toposeam.layers.boundary.ground import HOLE, ground_of, prices_of
-from toposeam.layers.boundary.overview import Overview, overview
+from toposeam.layers.boundary.reduced import Overview, overview
 from toposeam.layers.canvas.layer import Box
 from toposeam.layers.canvas.tile_map import blocks
 from toposeam.layers.canvas.transforms import similarity

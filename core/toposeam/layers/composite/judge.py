@@ -11,7 +11,7 @@ from toposeam.checks import check_kind, check_whole_array
 from toposeam.errors import ImageError, OptionError
 from toposeam.images import as_array, full_scale
 from toposeam.layers.canvas.layer import Layer
-from toposeam.layers.composite.restitch import restitch
+from toposeam.layers.composite.recutting import restitch
 from toposeam.seam.result.verdict import Verdict, steps_beside, worst_of
 
 

@@ -417,7 +417,35 @@ def _agrees(
         for points in (*shown[:2], first[near])
     ]
     agreeing, busy = _agreement(middle[:2], middle[2], a.size)
-    return agreeing > least * busy
+    return agreeing > least * busy if busy else _alike(a, b, PlaneTransform(matrix), (low, high))
+
+
+def _alike(a: FeatureSet, b: FeatureSet, transform: Transform, overlap: tuple[Floats, Floats]) -> bool:
+    """Test whether two pictures show the same in the middle of their overlap where no feature is found, as in
+    a sky: of one photograph the very grain is the same, while plain grounds within a frame only look alike.
+    """
+    from skimage.registration import phase_cross_correlation
+
+    low, high = (corner / a.detail_scale for corner in overlap)
+    left, top = np.ceil(low + (high - low) / 4).astype(int)
+    right, bottom = np.floor(high - (high - low) / 4).astype(int)
+    if min(right - left, bottom - top) < _LEAST_PATCH_SIDE:
+        return False
+    grid = np.stack(np.meshgrid(np.arange(left, right), np.arange(top, bottom)), axis=-1).astype(float)
+    reduced = ReducedTransform(transform, a.detail_scale, b.detail_scale)
+    x, y = np.moveaxis(reduced.to_picture(grid), 2, 0)
+    one = a.detail[top:bottom, left:right]
+    other = scipy.ndimage.map_coordinates(b.detail, [y, x], order=1)
+    if one.shape != other.shape or not (one.std() > 0 and other.std() > 0):
+        return False
+    register: Any = phase_cross_correlation  # carries no types
+    shift = register(one, other, upsample_factor=20, normalization=None)[0]
+    if np.abs(shift).max() > _TOLERANCE:
+        return False
+    moved = scipy.ndimage.shift(other, shift, order=1)
+    return bool(
+        np.corrcoef(one[4:-4, 4:-4].ravel(), moved[4:-4, 4:-4].ravel())[0, 1] > _LEAST_PATCH_CORRELATION
+    )
 
 
 def _agreement(shown: Sequence[Floats], agreeing: Floats, size: _Size) -> tuple[int, int]:

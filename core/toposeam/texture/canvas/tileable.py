@@ -7,6 +7,7 @@ from typing import Literal
 from toposeam.checks import check_choice
 
 Tileable = bool | Literal["both", "x", "y", "none"]
+#: Axes along which a texture repeats.
 TILEABLE: tuple[str, ...] = ("both", "x", "y", "none")
 
 

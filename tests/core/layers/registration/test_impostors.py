@@ -96,6 +96,29 @@ def test_a_strip_of_a_side_belongs_to_its_picture(strip, at, order):
     assert np.subtract(places["strip"], places["whole"]).tolist() == list(at)
 
 
+def plain_with_sides(frame, grain):
+    """(120, 400) uint8: what `frame` shows at both ends, and between them a plain ground with such grain."""
+    whole = 150 + np.random.default_rng(grain).normal(0, 2, (120, 400, 1))
+    whole = np.repeat(whole, 3, axis=2).astype(np.uint8)
+    whole[:, :80], whole[:, -80:] = frame[:120, :80], frame[:120, 80:160]
+    return whole
+
+
+@pytest.mark.medium
+def test_a_strip_with_a_plain_middle_belongs_to_its_picture(frame):
+    """No feature lies in its middle, but the grain is the same."""
+    top, below = plain_with_sides(frame, 0), data.coffee()[:200, :400]
+    layers = [ts.Layer(np.concatenate([top, below]), name="whole"), ts.Layer(top, name="strip")]
+    assert [layer.at for layer in ts.find_places(layers).layers] == [(0, 0), (0, 0)]
+
+
+@pytest.mark.medium
+def test_plain_grounds_between_the_same_sides_are_strangers(frame):
+    layers = [ts.Layer(plain_with_sides(frame, grain), name=f"{grain}") for grain in (0, 1)]
+    with pytest.raises(ts.OverlapError, match="only what lies at the same place in both, as a frame"):
+        ts.find_places(layers)
+
+
 @pytest.mark.medium
 @pytest.mark.parametrize("quarters", [1, 2, 3])
 @pytest.mark.parametrize("which", [0, 1])

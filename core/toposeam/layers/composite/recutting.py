@@ -76,7 +76,7 @@ def restitch(
 
     Examples
     --------
-    >>> from toposeam.layers.composite.stitch import stitch
+    >>> from toposeam.layers.composite.stitching import stitch
     >>> from toposeam.vector.polyline import Polyline
     >>> whole = np.random.default_rng(0).random((30, 60))
     >>> layers = [Layer(whole[:, :40]), Layer(whole[:, 20:], at=(20, 0))]

@@ -4,8 +4,9 @@
     python benchmarks/kernels.py A.jpg B.jpg ...     other photographs, two by two, in their place
 
 Processor time, s, the least of three (of one where it takes long), in one run. *Flow*: networks of a closed
-seam, and of one across, in windows of 300,000 px of photographs. *Warp*: 12 megapixels of colours. Peers are
-PyMaxflow and OpenCV, where they are installed. It ends where the two ways show other cuts or pixels.
+seam, and of one across, in windows of 300,000 px of photographs. *Paths*: along random costs. *Warp*: 12
+megapixels of colours. Peers are PyMaxflow and OpenCV, where they are installed. It ends where the two ways
+show other cuts, lengths or pixels.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from typing import Any
 
 import numpy as np
 from PIL import Image
+from scipy import ndimage
 
 from brush import row
 from measured import measured
@@ -29,8 +31,9 @@ from stamp import stamp
 from toposeam import _kernels
 from toposeam.heat.network import Network
 from toposeam.layers.canvas import Box, Layer, PlaneTransform, coordinates, inside, warped
+from toposeam.layers.mesh import find_lines
 from toposeam.seam import MatchCost
-from toposeam.seam.exact import minimum_cut
+from toposeam.seam.exact import cheapest_path, minimum_cut
 from toposeam.seam.problem.overlap import FREE
 from toposeam.seam.problem.posing import seam_problem
 from toposeam_cli.stitching.resample import _splined
@@ -103,6 +106,23 @@ def by_pymaxflow(network: Network, weight: np.ndarray) -> Callable[[], np.ndarra
     return cut
 
 
+def paths() -> None:
+    """Shortest paths between corners, and lines of edges."""
+    rng = np.random.default_rng(0)
+    below, beside = (
+        ndimage.gaussian_filter(rng.random((2000, 500)), 2).astype(np.float32) - np.float32(0.3)
+        for _ in range(2)
+    )
+    below[-1], beside[:, -1] = np.inf, np.inf
+    compare(
+        "shortest path, 2000 x 500",
+        lambda: np.round(cheapest_path(below, beside, (250, below.size - 250))[1], 6),
+    )
+    with Image.open(SAMPLES / "portrait_left.jpg") as opened:
+        gray = np.asarray(opened.convert("L"), np.float32) / 255
+    compare("straight lines of a photograph", lambda: find_lines(gray, 30.0).round(6))
+
+
 def warps() -> None:
     """Coordinates and pixels of a picture of 12 megapixels."""
     with Image.open(SAMPLES / "portrait_left.jpg") as opened:
@@ -173,6 +193,7 @@ def main() -> None:
     print(stamp())
     print(f"{'':36}{'kernel, s':>10}{'÷ without':>10}{'÷ peer':>10}")
     flows()
+    paths()
     warps()
     with tempfile.TemporaryDirectory() as folder:
         files = asked or enlarged(Path(folder))

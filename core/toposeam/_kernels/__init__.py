@@ -22,7 +22,9 @@ library: Any = None
 
 _FOLDER = Path(__file__).parent
 _INT, _LONG, _FLOAT, _DOUBLE = ctypes.c_int32, ctypes.c_int64, ctypes.c_float, ctypes.c_double
-_FLAGS, _INTS, _FLOATS, _DOUBLES, _PIXELS = map(partial(ndpointer, flags="C"), ("?", "i4", "f4", "f8", None))
+_FLAGS, _BYTES, _INTS, _FLOATS, _DOUBLES, _PIXELS = map(
+    partial(ndpointer, flags="C"), ("?", "u1", "i4", "f4", "f8", None)
+)
 #: What each function takes, in the order of its declaration in C.
 _TAKES = {
     "smallest_hot_side": (_INT, _LONG, _INTS, _INTS, _INTS, _FLAGS),
@@ -30,6 +32,8 @@ _TAKES = {
     "nearest_patches": (*[_INT] * 5, _FLOATS, _INTS, _FLOATS, _INTS, _INTS, _FLOATS),
     "between_knots": (_INT, _INT, _INT, _INT, _DOUBLES, _DOUBLES),
     "spline_values": (_INT, _INT, _INT, _FLOATS, _DOUBLES, _LONG, _DOUBLES, _FLOATS),
+    "cheapest_way": (_INT, _INT, _FLOATS, _FLOATS, _INT, _INT, _DOUBLE, _BYTES, _DOUBLES),
+    "join_pieces": (_INT, _DOUBLES, _DOUBLES, _DOUBLES),
     "catmull_values": (_INT, _INT, _INT, _INT, _PIXELS, _LONG, _DOUBLES, _DOUBLE, _FLAGS, _PIXELS),
 }
 

@@ -27,8 +27,8 @@ from toposeam.layers.canvas.warping import coordinates, on_canvas, warped_box
 
 #: How far a warp moves the border about, as a share of the shorter side.
 _REACH = 0.035
-#: Times that a rectangle is chosen and the canvas bent towards it.
-_TIMES = 2
+#: Local steps towards the first rectangle, and on from there towards the one that is best then.
+_ROUNDS, _MORE_ROUNDS = 16, 28
 #: Least displacement that is worth it, px.
 _LEAST = 0.5
 #: Megapixels of a canvas: as many as there are.
@@ -66,12 +66,12 @@ def fitted_boundary(
     grid = Rectangling(seen.cover, ground, goes_round=goes_round)
     real, hole = prices_of(seen.cover, ground, _REACH * min(seen.cover.shape))
     box = best_box(np.where(seen.cover, real, hole), goes_round=goes_round)
-    coefficients = grid.solve(box)
-    for _ in range(_TIMES - 1):
-        mesh = MeshTransform(_STILL, seen.cover.shape[::-1], grid.cell, coefficients)
-        cover, moved = _moved(mesh, seen.cover, ground)
-        real, hole = prices_of(cover, moved, 0.0)
-        coefficients = grid.solve(best_box(np.where(cover, real, hole), goes_round=goes_round))
+    coefficients = grid.solve(box, _ROUNDS)
+    mesh = MeshTransform(_STILL, seen.cover.shape[::-1], grid.cell, coefficients)
+    cover, moved = _moved(mesh, seen.cover, ground)
+    real, hole = prices_of(cover, moved, 0.0)
+    box = best_box(np.where(cover, real, hole), goes_round=goes_round)
+    coefficients = grid.solve(box, _MORE_ROUNDS, coefficients)
     boundary = _enlarged(coefficients, grid.cell, seen)
     return boundary if np.abs(boundary.coefficients).max() > _LEAST else None
 

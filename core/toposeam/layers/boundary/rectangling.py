@@ -24,8 +24,8 @@ from toposeam.arrays import Floats, Mask
 from toposeam.layers.boundary.ground import BorderGround
 from toposeam.layers.canvas.layer import Box
 
-#: Cells along the longer side; local steps.
-_CELLS, _ROUNDS = 32, 40
+#: Cells along the longer side.
+_CELLS = 32
 #: Over-relaxation of the rounds: as good as twice as many.
 _OVER = 1.8
 #: Largest logarithm of a singular value, where there is texture and where it is plain.
@@ -70,6 +70,11 @@ class Rectangling:
         self._share = np.where(shown > 0, _BOUND / (_BOUND + _STILL), 1.0)
         self._bound = np.where(busy > 0.1, _STRETCH, _PLAIN_STRETCH)
         self._lines(ground.lines)
+        self._weighted = [(each.T * self._weight).tocsr() for each in (self._right, self._down)]
+        self._at_lines = (self._at_points.T * self._stiff).tocsr()
+        base = self._weighted[0] @ self._right + self._weighted[1] @ self._down
+        base = base + self._at_lines @ self._at_points + self._smooth()
+        self._base = base + 1e-6 * sparse.eye_array(base.shape[0])
 
     def _lines(self, lines: Floats) -> None:
         """Take points of straight lines."""
@@ -101,8 +106,16 @@ class Rectangling:
         shape = len(points), self.shape[0] * self.shape[1]
         return sparse.csr_array((values.ravel(), columns.ravel(), ends), shape=shape)
 
-    def solve(self, box: Box) -> Floats:
+    def solve(self, box: Box, rounds: int, start: Floats | None = None) -> Floats:
         """Find the displacement with which the border comes near a box as far as bounds allow.
+
+        Parameters
+        ----------
+        box : Box
+        rounds : int
+            Of local steps; after 40 from nothing they end.
+        start : (rows, columns, 2) float array, optional
+            The displacement found for a box near this one.
 
         Returns
         -------
@@ -112,10 +125,7 @@ class Rectangling:
         axes = (1,) if self.goes_round else (0, 1)
         pulls = {axis: _pulls(self.cover, box, self.cell / 2, axis, self.goes_round) for axis in axes}
         at_border = {axis: [self._values(points) for points, _, _ in pulls[axis]] for axis in axes}
-        weighted = [(each.T * self._weight).tocsr() for each in (self._right, self._down)]
-        lines = (self._at_points.T * self._stiff).tocsr()
-        base = weighted[0] @ self._right + weighted[1] @ self._down + lines @ self._at_points
-        base = base + self._smooth() + 1e-6 * sparse.eye_array(base.shape[0])
+        weighted, lines, base = self._weighted, self._at_lines, self._base
         solvers = {
             axis: linalg.splu(
                 (base + sum(_PULL * one.T @ one for one in at_border[axis])).tocsc(),
@@ -126,7 +136,10 @@ class Rectangling:
             for axis in axes
         }
         found = np.zeros((base.shape[0], 2))
-        for _ in range(_ROUNDS):
+        if start is not None:
+            found = start[:, 1:-2] if self.goes_round else start
+            found = found.reshape(-1, 2)
+        for _ in range(rounds):
             goal = self._near_bounds(self._right @ found, self._down @ found)
             straight = self._straight(self._points + self._at_points @ found) - self._points
             new = np.zeros_like(found)

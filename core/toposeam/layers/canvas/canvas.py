@@ -339,7 +339,11 @@ def paint(
         common = place.shared(at)
         for top in range(common.top, common.bottom, _PAINTED_TILE):
             for left in range(common.left, common.right, _PAINTED_TILE):
-                tile = Box(top, left, top + _PAINTED_TILE, left + _PAINTED_TILE).shared(common)
+                bottom, right = (
+                    min(start + _PAINTED_TILE, end)
+                    for start, end in ((top, common.bottom), (left, common.right))
+                )
+                tile = Box(top, left, bottom, right)
                 here = tile.within(at)
                 shows = label_map[here] == index
                 if not shows.any():

@@ -79,7 +79,7 @@ def on_canvas(layer: Layer, transform: Transform) -> Layer:
     return dataclasses.replace(layer, at=(round(float(x)), round(float(y))))
 
 
-def warped(layer: Layer, transform: Transform) -> Layer:
+def warped(layer: Layer, transform: Transform, within: Box | None = None) -> Layer:
     """Warp a picture onto the canvas by cubic splines.
 
     Parameters
@@ -88,6 +88,8 @@ def warped(layer: Layer, transform: Transform) -> Layer:
         Where it lies is ignored.
     transform : Transform
         From its pixels to the canvas.
+    within : Box, optional
+        The part of the canvas that is wanted.
 
     Returns
     -------
@@ -103,6 +105,8 @@ def warped(layer: Layer, transform: Transform) -> Layer:
         If the canvas shows nothing of it.
     """
     box = warped_box(layer, transform)
+    if within is not None:
+        box = box.shared(within)
     whole = np.asarray(layer.image)
     check_values(whole, layer.title, layer.data_range)
     height, width = whole.shape[:2]

@@ -79,12 +79,13 @@ def fitted(composed: Composition) -> Composition:
         inside[_reduced(box, composed, seen).slices] = True
         prices[1][~inside & ~seen.cover] = -HOLE  # what is not filled
         for part, where in bad:
-            small = _reduced(part, composed, seen)
-            height, width = where.shape
-            y = (np.arange(small.shape[0]) * height // max(1, small.shape[0])).clip(0, height - 1)
-            x = (np.arange(small.shape[1]) * width // max(1, small.shape[1])).clip(0, width - 1)
-            near = scipy.ndimage.maximum_filter(where, int(np.ceil(seen.scale)))[np.ix_(y, x)]
-            prices[1][small.slices][near] = -HOLE
+            values = prices[1][_reduced(part, composed, seen).slices]
+            places = [
+                (np.arange(few) * many // max(1, few)).clip(0, many - 1)
+                for few, many in zip(values.shape, where.shape, strict=True)
+            ]
+            near = scipy.ndimage.maximum_filter(where, int(np.ceil(seen.scale)))[np.ix_(*places)]
+            values[near] = -HOLE
         box = _exact(composed, seen, prices, fitted_box(seen, prices, goes_round=round_way))
     return composed.crop(box.moved(-composed.view.top, -composed.view.left)).patched(patches)
 
@@ -119,8 +120,8 @@ def _exact(composed: Composition, seen: Overview, prices: tuple[Floats32, Floats
         box = Box(box.top, 0, box.bottom, composed.canvas.shape[1])
     most = 2 * int(np.ceil(seen.scale)) + 2
     for axis in (0,) if goes_round else (0, 1, 0, 1):
-        height, width = box.shape
-        depth = min(most, (box.shape[axis] - 1) // 2)
+        height, width = sides = box.shape
+        depth = min(most, (sides[axis] - 1) // 2)
         strip = Box(0, 0, depth, width) if axis == 0 else Box(0, 0, height, depth)
         low = strip.moved(box.top, box.left)
         high = low.moved(*((height - depth, 0) if axis == 0 else (0, width - depth)))
@@ -194,31 +195,32 @@ def _filled(
     for near in _parts(composed, seen, box):
         wide = near.grown(_MOST + _RIM).shared(composed.canvas.box)
         unknown = _holes(composed, wide)
-        if not unknown[near.within(wide)].any():
+        missing = unknown[near.within(wide)]
+        if not missing.any():
             continue
-        part = _box_of(unknown[near.within(wide)]).moved(near.top, near.left).grown(_RIM).shared(box)
+        part = _box_of(missing).moved(near.top, near.left).grown(_RIM).shared(box)
         holes = unknown[part.within(wide)]
         beside = part.grown(1).shared(wide)
         far = scipy.ndimage.distance_transform_edt(unknown[beside.within(wide)])
         depth = float(far[part.within(beside)][holes].max())
         around = part.grown(int(np.clip(_TIMES * depth, _LEAST, _MOST))).shared(wide)
-        if around.shape[0] * around.shape[1] > _MOST_FILLED:
+        mine = np.zeros(around.shape, bool)
+        if mine.size > _MOST_FILLED:
             bad.append((part, holes))
             continue
         holes = scipy.ndimage.binary_dilation(holes, iterations=_RIM)
-        unknown = unknown[around.within(wide)]
-        mine = np.zeros(around.shape, bool)
-        mine[part.within(around)] = holes
+        unknown, inner = unknown[around.within(wide)], part.within(around)
+        mine[inner] = holes
         image = _continued(
             _pixels(composed, around), mine, unknown & ~mine, depth, _near(plain, composed, seen, around)
         )
         if image is None:
             bad.append((part, holes))
             continue
-        shows = _shows(image, mine, unknown & ~mine, min(box.shape))[part.within(around)]
+        shows = _shows(image, mine, unknown & ~mine, min(box.shape))[inner]
         if shows.any():
             bad.append((part, shows))
-        patches.append(Filling(part, image[part.within(around)], holes))
+        patches.append(Filling(part, image[inner], holes))
     return patches, bad
 
 

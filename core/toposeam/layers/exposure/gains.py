@@ -44,6 +44,7 @@ from toposeam.checks import check_choice
 from toposeam.images import Windows, check_values
 from toposeam.layers.canvas.canvas import extent_of, groups
 from toposeam.layers.canvas.layer import Box, Layer, check_layers
+from toposeam.layers.canvas.transforms import Transform
 from toposeam.layers.execution.tasks import Executor, check_executor, results
 from toposeam.layers.exposure.linear_light import SPLINES, Field, Toned, decoded, light_of, weights_along
 
@@ -80,6 +81,8 @@ _POWERS, _ROUND_SIZE = (2, 4), 1.0
 #: One standard deviation of the coefficients and of their second differences: of the part that all layers
 #: share, and of a layer's own.
 _SHARED_SIZES, _OWN_SIZES = (0.1, 0.05), (0.04, 0.02)
+#: Places along a side to which the splines of a field are fitted.
+_SAMPLES = 16
 #: Unknowns at most whose equations are dense: sparse ones take several times as long to build.
 _DENSE = 256
 #: Rounds of reweighting, and the residual, a logarithm, at which a block counts half.
@@ -226,6 +229,52 @@ def match_tones(
     check_choice("shading", shading, (True, False))
     check_choice("gray", gray, (True, False))
     check_executor(executor)
+    return [
+        dataclasses.replace(layer, image=image if isinstance(layer.image, Windows) else image[:, :])
+        for layer, tones in zip(layers, _tones(layers, shading, gray, executor), strict=True)
+        for image in [Toned(layer, *tones)]
+    ]
+
+
+def toned_as(
+    pictures: Sequence[Layer], transforms: Sequence[Transform], placed: Sequence[Layer]
+) -> list[Layer]:
+    """Give pictures gains and fields by which their copies on a canvas agree.
+
+    Parameters
+    ----------
+    pictures : sequence of Layer
+        Where they lie is ignored.
+    transforms : sequence of Transform
+        From their pixels to the canvas.
+    placed : sequence of Layer
+        The pictures on the canvas.
+
+    Raises
+    ------
+    ImageError
+        As :func:`match_tones`.
+    """
+    found = []
+    for picture, transform, layer, (gain, own, top) in zip(
+        pictures, transforms, placed, _tones(placed, shading=True), strict=True
+    ):
+        height, width = picture.image.shape[:2]
+        places = ((np.arange(_SAMPLES) + 0.5) / _SAMPLES * side - 0.5 for side in (width, height))
+        at = transform.to_canvas(np.stack(np.meshgrid(*places), axis=-1).reshape(-1, 2))
+        right, below = np.nan_to_num(at - np.array(layer.at)).T
+        values = np.zeros(len(at)) if own is None else own.at(below, right)
+        fit = _fit_of_samples()
+        coefficients = fit @ values.reshape(_SAMPLES, _SAMPLES) @ fit.T
+        toned = Toned(picture, gain, Field(coefficients, Box(0, 0, height, width)), top)
+        found.append(dataclasses.replace(picture, image=toned[:, :]))
+    return found
+
+
+def _tones(
+    layers: Sequence[Layer], shading: bool, gray: bool = False, executor: Executor | None = None
+) -> list[tuple[Floats, Field | None, float | None]]:
+    """Find the tones of layers as :func:`match_tones` does: what :class:`Toned` takes besides each."""
     for layer in layers:
         if not isinstance(layer.image, Windows):
             check_values(layer.image, layer.title, layer.data_range)  # what is white is known
@@ -243,11 +292,7 @@ def match_tones(
         samples = list(results(executor, _sample_tones, items))
     brightest = [sample.brightest for sample in samples]
     top = None if linear else max(1.0, float((np.array(brightest) * gains).max()))
-    toned = [Toned(*one, top) for one in zip(layers, gains, fields, strict=True)]
-    return [
-        dataclasses.replace(layer, image=image if isinstance(layer.image, Windows) else image[:, :])
-        for layer, image in zip(layers, toned, strict=True)
-    ]
+    return [(*one, top) for one in zip(gains, fields, strict=True)]
 
 
 def _find_fields(
@@ -339,11 +384,15 @@ def _parts(places: Sequence[Box]) -> sparse.csr_array:
 
 def _round_the_middle(shape: tuple[int, int]) -> Floats:
     """Fit splines to powers of the distance from the middle: (25, powers) coefficients."""
-    samples = 16
-    at = (np.arange(samples) + 0.5) / samples - 0.5
+    at = (np.arange(_SAMPLES) + 0.5) / _SAMPLES - 0.5
     distance = np.hypot.outer(at * shape[0], at * shape[1]) / (np.hypot(*shape) / 2)
-    fit = np.linalg.pinv(weights_along(samples, np.arange(samples)))
+    fit = _fit_of_samples()
     return np.stack([(fit @ distance**power @ fit.T).ravel() for power in _POWERS], axis=1)
+
+
+def _fit_of_samples() -> Floats:
+    """Return the (5, samples) matrix that fits splines to values at the middles of equal parts of a side."""
+    return np.asarray(np.linalg.pinv(weights_along(_SAMPLES, np.arange(_SAMPLES))), float)
 
 
 def _blocks(

@@ -200,6 +200,12 @@ class Field(NamedTuple):
         """Compute the logarithm of the gain at some rows and columns of the layer, (n, m)."""
         return self.along(rows) @ self.across(columns)
 
+    def at(self, rows: Floats, columns: Floats) -> Floats:
+        """Compute the logarithm of the gain at points of the layer, all arrays (n,)."""
+        (top, left, _, _), (height, width) = self.box, self.box.shape
+        down, across = weights_along(height, rows - top), weights_along(width, columns - left)
+        return np.asarray(((down @ self.coefficients) * across).sum(axis=1))
+
 
 class Toned(Windows):
     """A layer's light times its gains, encoded again, computed window by window.

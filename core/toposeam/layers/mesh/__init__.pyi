@@ -1,7 +1,7 @@
 from .bending import bent
-from .equations import flat_meshes, solved
+from .equations import finer, flat_meshes, solved
 from .lines import find_lines
-from .trial import is_seen, reduced_copies, trial_seam
+from .trial import is_seen, reduced_copies, toned_copies, trial_seam
 from .verticals import MOST_PITCH, costs_too_much, down_of
 
 __all__ = [
@@ -10,9 +10,11 @@ __all__ = [
     "costs_too_much",
     "down_of",
     "find_lines",
+    "finer",
     "flat_meshes",
     "is_seen",
     "reduced_copies",
     "solved",
+    "toned_copies",
     "trial_seam",
 ]

@@ -14,14 +14,14 @@ from toposeam.arrays import Floats
 from toposeam.layers.canvas.layer import Layer
 from toposeam.layers.canvas.transforms import MeshTransform, ReducedTransform, Transform, enlarged
 from toposeam.layers.canvas.warping import inside
-from toposeam.layers.mesh.equations import Matches, flat_meshes, solved
+from toposeam.layers.mesh.equations import Matches, finer, flat_meshes, solved
 from toposeam.layers.mesh.flow import flow_near
 from toposeam.layers.mesh.lines import find_lines
 from toposeam.layers.mesh.trial import is_seen, trial_seam
 from toposeam.seam.result.seam import Seam
 
-#: px: scales of the robust weights of matches, first and after a flow.
-_SCALES, _LATER = (1e9, 10.0, 3.0), (3.0,)
+#: px: scales of the robust weights of matches, first on coarse meshes, which tell the weights as well.
+_COARSE_SCALES, _SCALES = (1e9, 10.0, 3.0), (3.0,)
 #: Largest cost of the first and of the second seam of bent pictures ÷ that of the plain one, for another
 #: round to follow: no later round was seen to take more than a quarter away.
 _DEARER = 1.1, 0.8
@@ -72,7 +72,8 @@ def bent(
     ]
     zeros = np.zeros(len(matches[0]), np.intp)
     points = (zeros, zeros + 1, *matches)
-    meshes = solved(flat_meshes(transforms, sizes), lines, points, _SCALES)
+    coarse = solved(flat_meshes(transforms, sizes, coarse=True), lines, points, _COARSE_SCALES)
+    meshes = solved(finer(coarse), lines, points, _SCALES)
     best, least = tuple(transforms), _GAIN * cost
     for number in range(_ROUNDS + 1):
         trial = trial_seam(copies, scales, meshes, most)
@@ -85,7 +86,7 @@ def bent(
         if number == _ROUNDS or own > _DEARER[number] * cost or not is_seen(seam, most):
             break
         flow = _flow(copies, scales, meshes, (seam, layers))
-        meshes = solved(meshes, lines, points, _LATER, flow)
+        meshes = solved(meshes, lines, points, _SCALES, flow)
     return best
 
 

@@ -12,6 +12,7 @@ the picture. Wanted are displacements with which
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
@@ -21,8 +22,8 @@ from scipy.sparse import linalg
 from toposeam.arrays import Floats, Indices
 from toposeam.layers.canvas.transforms import MeshTransform, Transform, unbent
 
-#: Cells of a picture at most, and their least side, px.
-_CELLS, _CELL = 1200, 32.0
+#: Cells of a picture at most, and of coarse meshes, and their least side, px.
+_CELLS, _FEW_CELLS, _CELL = 1200, 300, 32.0
 #: Weights of a displacement, and of its first and second differences from node to node, inside the overlaps
 #: and outside.
 _ZERO, _FIRST, _SECOND = 1e-3, (0.002, 0.2), (0.03, 1.0)
@@ -36,14 +37,25 @@ _MOST_OF_CELL = 3.0
 _FLOW_SCALE = 6.0
 
 
-def flat_meshes(transforms: Sequence[Transform], sizes: Sequence[tuple[int, int]]) -> list[MeshTransform]:
+def flat_meshes(
+    transforms: Sequence[Transform], sizes: Sequence[tuple[int, int]], *, coarse: bool = False
+) -> list[MeshTransform]:
     """Return transforms with meshes that displace nothing."""
     meshes = []
     for transform, (width, height) in zip(transforms, sizes, strict=True):
-        cell = max(_CELL, float(np.sqrt(width * height / _CELLS)))
+        cell = max(_CELL, float(np.sqrt(width * height / (_FEW_CELLS if coarse else _CELLS))))
         shape = (int(np.ceil(height / cell)) + 3, int(np.ceil(width / cell)) + 3, 2)
         meshes.append(MeshTransform(unbent(transform), (width, height), cell, np.zeros(shape)))
     return meshes
+
+
+def finer(meshes: Sequence[MeshTransform]) -> list[MeshTransform]:
+    """Return meshes of smaller cells that displace about as coarse ones do, to begin with."""
+    flat = flat_meshes([one.base for one in meshes], [one.size for one in meshes])
+    return [
+        replace(one, coefficients=coarse.shift(_nodes(one)).reshape(one.coefficients.shape))
+        for one, coarse in zip(flat, meshes, strict=True)
+    ]
 
 
 #: Rows of points off their lines and of the lines' turns, the line of each point and its weight, and of each

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 import scipy
 
+from toposeam import _kernels
 from toposeam.arrays import Floats, Floats32
 
 #: Blur of the picture, px, and the least gradient of an edge, of full scale per px.
@@ -18,8 +19,9 @@ _BLUR, _LEAST_GRADIENT = 1.0, 0.015
 _DIRECTIONS, _TOLERANCE = 12, 12.0
 #: Least length of a piece and largest standard deviation across it, px.
 _LEAST_PIECE, _THICKNESS = 7.0, 0.55
-#: Distance, px, and angle, degrees, of pieces on one line, and the largest gap: px, or a share of the length.
-_ASIDE, _APART, _GAP, _GAP_SHARE = 1.2, 2.0, 8.0, 0.15
+#: Distance, px, and angle, degrees, of pieces on one line, with so many more ÷ its length; and the largest
+#: gap: px, or a share of the length.
+_ASIDE, _APART, _APART_SHORT, _GAP, _GAP_SHARE = 1.2, 2.0, 30.0, 8.0, 0.15
 #: Pieces at most, the longest ones.
 _MOST = 800
 
@@ -95,6 +97,13 @@ def _pieces(y: Floats, x: Floats, shape: tuple[int, ...]) -> Floats:
 
 def _joined(pieces: Floats) -> Floats:
     """Join pieces that lie on one line, from the longest on."""
+    if _kernels.library is not None:
+        pieces = np.ascontiguousarray(pieces)
+        lines = np.empty_like(pieces)
+        bounds = np.array([_ASIDE, np.radians(_APART), np.radians(_APART_SHORT), _GAP, _GAP_SHARE])
+        count = _kernels.library.join_pieces(len(pieces), pieces, bounds, lines)
+        if count >= 0:
+            return lines[:count]
     free, found = np.ones(len(pieces), bool), []
     steps = pieces[:, 2:] - pieces[:, :2]
     steps = steps / np.maximum(_lengths(pieces), 1e-9)[:, None]
@@ -110,7 +119,7 @@ def _joined(pieces: Floats) -> Floats:
             start, end = pieces[:, :2] - line[:2], pieces[:, 2:] - line[:2]
             far = np.sort(np.stack([start @ step, end @ step]), axis=0)
             near = free & (np.maximum(np.abs(start @ normal), np.abs(end @ normal)) < _ASIDE)
-            near &= np.abs(steps @ step) > np.cos(np.radians(_APART + 30 / length))
+            near &= np.abs(steps @ step) > np.cos(np.radians(_APART + _APART_SHORT / length))
             near &= np.maximum(far[0] - length, -far[1]) < max(_GAP, _GAP_SHARE * length)
             if not near.any():
                 break
@@ -118,7 +127,9 @@ def _joined(pieces: Floats) -> Floats:
             low, high = min(0.0, float(far[0][near].min())), max(length, float(far[1][near].max()))
             points = np.concatenate([line.reshape(2, 2), pieces[near].reshape(-1, 2)])
             middle = points.mean(axis=0)
-            along = np.linalg.svd(points - middle)[2][0]
+            (xx, xy), (_, yy) = (points - middle).T @ (points - middle)
+            turn = 0.5 * np.arctan2(2 * xy, xx - yy)
+            along = np.array([np.cos(turn), np.sin(turn)])
             along = along * np.sign(along @ step)
             offset = float((line[:2] - middle) @ along)
             line = np.concatenate([middle + (offset + low) * along, middle + (offset + high) * along])

@@ -12,8 +12,8 @@ from toposeam.images import all_of_squares, as_reduced
 from toposeam.layers.canvas.canvas import extent_of
 from toposeam.layers.canvas.layer import Box, Layer, cut
 from toposeam.layers.canvas.transforms import ReducedTransform, Transform
-from toposeam.layers.canvas.warping import warped
-from toposeam.layers.exposure.gains import match_tones
+from toposeam.layers.canvas.warping import warped, warped_box
+from toposeam.layers.exposure.gains import toned_as
 from toposeam.seam.find import find_seam
 from toposeam.seam.problem.match_cost import MatchCost
 from toposeam.seam.problem.natural import CELL
@@ -23,6 +23,8 @@ from toposeam.seam.result.seam import Seam
 _PIXELS = 250_000
 #: Least likeness of the worst part of a seam that is invisible at full size: reduction hides most of it.
 _UNSEEN_REDUCED = 0.65
+#: px of the canvas of trial seams per px of that on which tones are compared.
+_TONES_SCALE = 2
 #: How far the blend of photographs reaches, px.
 _REACH = 32.0
 
@@ -51,6 +53,31 @@ def _reduced(picture: Layer, scale: int) -> Layer:
     return Layer(planes, alpha=alpha, name=picture.name, data_range=1.0, exposure=picture.exposure)
 
 
+def toned_copies(
+    copies: Sequence[Layer], scales: Sequence[int], transforms: Sequence[Transform], canvas_scale: int
+) -> list[Layer]:
+    """Match the tones of reduced pictures by where an alignment lays them, once for all trial seams.
+
+    Parameters
+    ----------
+    copies, scales, transforms, canvas_scale
+        As for :func:`trial_seam`.
+
+    Returns
+    -------
+    list of Layer
+        The copies as they are where the pictures do not overlap.
+    """
+    reduced = [
+        ReducedTransform(one, _TONES_SCALE * canvas_scale, scale)
+        for one, scale in zip(transforms, scales, strict=True)
+    ]
+    try:
+        return toned_as(copies, reduced, list(map(warped, copies, reduced)))
+    except TopoSeamError:
+        return list(copies)
+
+
 def trial_seam(
     copies: Sequence[Layer], scales: Sequence[int], transforms: Sequence[Transform], canvas_scale: int
 ) -> tuple[Seam, list[Layer]] | None:
@@ -59,8 +86,8 @@ def trial_seam(
     Parameters
     ----------
     copies : two of Layer
+        Of :func:`reduced_copies`, of the same tones.
     scales : two of int
-        Of :func:`reduced_copies`.
     transforms : two of Transform
         From the pictures, not their copies, to the canvas.
     canvas_scale : int
@@ -71,22 +98,22 @@ def trial_seam(
     seam : Seam
         Of the second picture with the first, on the box that the layers fill.
     layers : two of Layer
-        The warped pictures round their overlap, of the same tones. Both fill one box of the reduced canvas.
+        The warped pictures round their overlap. Both fill one box of the reduced canvas.
 
     None where there is no seam, as the pictures do not overlap.
     """
     try:
-        layers = match_tones(
-            [
-                warped(copy, ReducedTransform(one, canvas_scale, scale))
-                for copy, scale, one in zip(copies, scales, transforms, strict=True)
-            ],
-            shading=True,
-        )
+        reduced = [
+            ReducedTransform(one, canvas_scale, scale) for one, scale in zip(transforms, scales, strict=True)
+        ]
+        boxes = list(map(warped_box, copies, reduced))
+        common = boxes[0].shared(boxes[1])
+        if min(common.shape) < 2 * CELL:
+            return None
+        part = common.grown(2 * CELL)  # more than a seam looks at
+        layers = [warped(copy, one, part) for copy, one in zip(copies, reduced, strict=True)]
         canvas = extent_of(layers)
         box = canvas.seam_box(CELL)
-        if min(box.shape) < 2 * CELL:
-            return None
         layers = [_window(one, canvas.place(one), box, canvas.origin) for one in layers]
         values = [np.asarray(one.image) for one in layers]
         match = MatchCost(reach=_REACH / canvas_scale)

@@ -16,7 +16,7 @@ import numpy as np
 from toposeam.arrays import Floats
 from toposeam.layers.canvas.layer import Layer
 from toposeam.layers.canvas.transforms import PlaneTransform, Transform
-from toposeam.layers.mesh.trial import is_seen, reduced_copies, trial_seam
+from toposeam.layers.mesh.trial import is_seen, reduced_copies, toned_copies, trial_seam
 from toposeam.layers.registration.homography import least_squares_homography
 from toposeam.layers.registration.pair_matching import Match
 from toposeam.layers.registration.placement import Placement, Residual
@@ -37,8 +37,7 @@ def cheapest(
     ----------
     pictures : two of Layer
     placement : Placement
-        The one that residuals prefer. It is kept where its seam is invisible, and the others are not
-        computed then.
+        The one that residuals prefer. Once a seam is invisible, no other placement is computed.
     others : iterator of Placement
     planes : sequence of Match
         Points of all planes; with none the pictures are not bent.
@@ -49,11 +48,14 @@ def cheapest(
         factor, nor show less of it.
     """
     copies, scales = reduced_copies(pictures)
+    copies = toned_copies(copies, scales, placement.transforms, max(scales))
     best, trial = placement, trial_seam(copies, scales, placement.transforms, max(scales))
     if trial is None or not is_seen(trial[0], max(scales)):
         return placement
     least = gain * float(trial[0].cost)
     for other in (_in_view_of(placement, other) for other in others):
+        if not is_seen(trial[0], max(scales)):
+            break
         if _stretch(other) <= stretch:
             own = trial_seam(copies, scales, other.transforms, max(scales))
             if own is not None and float(own[0].cost) < least:

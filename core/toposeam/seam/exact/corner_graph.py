@@ -1,4 +1,4 @@
-"""Cheapest paths between the corners of pixels, by SciPy's search on two arrays of costs.
+"""Cheapest paths between the corners of pixels, on two arrays of costs, by a kernel or SciPy's search.
 
 ``below[y, x]`` is the cost of going down from corner (y, x), ``beside[y, x]`` of going right; an infinite
 cost means that there is no edge. No edge leads beyond the last row or the last column.
@@ -22,7 +22,8 @@ import numpy.typing as npt
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from toposeam.arrays import Floats32, Mask
+from toposeam import _kernels
+from toposeam.arrays import Bytes, Floats32, Mask
 
 #: Corners whose edges are laid out at a time, to bound the memory.
 _BLOCK_CORNERS = 1 << 16
@@ -32,6 +33,8 @@ _WANDERING = 0.6
 _BAND_CORNERS = 16
 #: Largest distance of an end of the coarse path from that of the path, in coarse corners.
 _END_CORNERS = 8
+#: Corners that the kernel counts in 32 bits, with three times that each is reached.
+_MOST_BY_KERNEL = 2**31 // 4
 _NO_WAY = np.float32(np.inf)
 
 
@@ -70,9 +73,27 @@ def cheapest_path(
 def _searched(
     below: Floats32, beside: Floats32, ends: tuple[int, int], limit: float
 ) -> tuple[npt.NDArray[np.intp] | None, float]:
-    """Search the cheapest path among all corners; returns as :func:`cheapest_path` does."""
+    """Search the cheapest path among all corners; returns as :func:`cheapest_path` does.
+
+    The kernel finds a path of the same length, but where there are several perhaps another one.
+    """
+    if _kernels.library is not None and below.size < _MOST_BY_KERNEL:
+        back, length = np.empty(below.size, np.uint8), np.empty(1)
+        found = _kernels.library.cheapest_way(
+            *below.shape, *map(np.ascontiguousarray, (below, beside)), *ends, limit, back, length
+        )
+        if found >= 0:
+            return (_traced(back, ends, below.shape[1]), float(length[0])) if found else (None, np.inf)
     graph = CornerGraph.of(below, beside, ends)
     return (None, np.inf) if graph is None else graph.cheapest_path(limit)
+
+
+def _traced(back: Bytes, ends: tuple[int, int], stride: int) -> npt.NDArray[np.intp]:
+    """Follow the ways back, up, left, right or down, from the second of the ends to the first."""
+    steps, path = (-stride, -1, 1, stride), [ends[1]]
+    while path[-1] != ends[0]:
+        path.append(path[-1] + steps[back[path[-1]]])
+    return np.array(path[::-1], np.intp)
 
 
 def _beside_coarse_path(

@@ -207,6 +207,7 @@ class _Turning:
 
     def __init__(self, gray: Floats32, state: Floats32, piece: int, factor: int) -> None:
         self._gray, self._state, self._piece, self._factor = gray, state, piece // factor, factor
+        self._places = np.argwhere(state == _HOLE)
 
     def reduced(self, factor: int) -> _Turning:
         """Reduce the window."""
@@ -221,60 +222,71 @@ class _Turning:
         turn = math.radians(angle)
         along = np.array([math.sin(turn), math.cos(turn)])
         normal = np.array([-along[1], along[0]])  # (y, x): across = x * along_y - y * along_x
-        height, width = self._gray.shape
-        middle = np.array([height - 1, width - 1]) / 2
-        half = math.ceil(math.hypot(height, width) / 2)
-        low, count = -half, 2 * half + 1
+        middle = (np.array(self._gray.shape) - 1.0) / 2
+        # Row v and column u of the turned window: middle + (v + low) * normal + (u + left) * along. It holds
+        # the hole, the pieces beside it, and the rows beside these.
+        far, wide = ((self._places - middle) @ way for way in (normal, along))
+        low, high = math.floor(far.min()) - 1 - _BESIDE, math.ceil(far.max()) + 1 + _BESIDE
+        reach = 2 + _OFF_RIM + self._piece
+        left, right = math.floor(wide.min()) - reach, math.ceil(wide.max()) + reach
         if near is not None:
             a, t = math.radians(near.angle), sum(near.span) / 2
             point = t * np.array([math.sin(a), math.cos(a)]) + near.offset * np.array(
                 [-math.cos(a), math.sin(a)]
             )
-            low, count = round(float((point - middle) @ normal)) - _NEAR_ROWS, 2 * _NEAR_ROWS + 1
-        # Row v and column u of the turned window: middle + (v + low) * normal + (u - half) * along.
+            row = round(float((point - middle) @ normal))
+            low, high = row - _NEAR_ROWS, row + _NEAR_ROWS
         matrix = np.stack([normal, along], axis=1)
-        start = middle + low * normal - half * along
-        side, shape = 2 * half + 1, (count, 2 * half + 1)
-        seen = ndimage.affine_transform(self._gray, matrix, start, shape, order=1, mode="constant")
-        state = ndimage.affine_transform(self._state, matrix, start, shape, order=0, mode="constant")
-        there, good = state == _HOLE, state == 1
+        start = middle + low * normal + left * along
+        count, side = high - low + 1, right - left + 1
+        state = ndimage.affine_transform(
+            self._state, matrix, start, (count, side), order=0, mode="constant", prefilter=False
+        )
+        there, steady = state == _HOLE, state == 1
+        steady[1:-1] &= steady[2:] & steady[:-2]
         rows = np.flatnonzero(there.any(axis=1))
         rows = rows[(rows >= _BESIDE) & (rows < count - _BESIDE)]
         if not len(rows):
             return []
         first, last = there[rows].argmax(axis=1), side - 1 - there[rows, ::-1].argmax(axis=1)
+        begins = np.stack([first - _OFF_RIM - self._piece, last + 1 + _OFF_RIM])
+        columns = begins[..., np.newaxis] + np.arange(self._piece)
+        inside = (columns >= 0) & (columns < side)
+        columns = np.clip(columns, 0, side - 1)
+        uses = steady[rows[:, np.newaxis], columns] & inside
+        shares = uses.sum(axis=2) / self._piece
+        known = (shares >= _KNOWN).all(axis=0)
+        if not known.any():
+            return []
+        rows, first, last = (one[known] for one in (rows, first, last))
+        seen = ndimage.affine_transform(self._gray, matrix, start, (count, side), order=1, mode="constant")
         steps = np.zeros_like(seen)
         steps[1:-1] = 0.5 * (seen[2:] - seen[:-2])
-        steady = np.zeros_like(good)
-        steady[1:-1] = good[1:-1] & good[2:] & good[:-2]
-        means, clear, shares, beside = [], [], [], []
-        for begin in (first - _OFF_RIM - self._piece, last + 1 + _OFF_RIM):
-            columns = begin[:, np.newaxis] + np.arange(self._piece)
-            inside = (columns >= 0) & (columns < side)
-            columns = np.clip(columns, 0, side - 1)
-            at = rows[:, np.newaxis], columns
-            use = steady[at] & inside
-            count = np.maximum(use.sum(axis=1), 1)
-            mean = (steps[at] * use).sum(axis=1) / count
-            spread = np.sqrt((np.square(steps[at] - mean[:, np.newaxis]) * use).sum(axis=1) / count)
+        means, clear, beside = [], [], []
+        for own, use in zip(columns[:, known], uses[:, known], strict=True):
+            at = rows[:, np.newaxis], own
+            total = np.maximum(use.sum(axis=1), 1)
+            mean = (steps[at] * use).sum(axis=1) / total
+            spread = np.sqrt((np.square(steps[at] - mean[:, np.newaxis]) * use).sum(axis=1) / total)
             means.append(mean)
             clear.append(np.abs(mean) / (spread + 0.003))
-            shares.append(use.sum(axis=1) / self._piece)
             beside.append(
                 np.stack(
                     [
-                        (seen[rows[:, np.newaxis] + far, columns] * use).sum(axis=1) / count
-                        for far in (-_BESIDE, _BESIDE)
+                        (seen[rows[:, np.newaxis] + away, own] * use).sum(axis=1) / total
+                        for away in (-_BESIDE, _BESIDE)
                     ]
                 )
             )
         a, b = means
         step = np.where(a * b > 0, np.minimum(np.abs(a), np.abs(b)), 0)
         fits = (step >= _LEAST_STEP) & (step >= _LEAST_ALIKE * np.maximum(np.abs(a), np.abs(b)))
-        fits &= (np.minimum(*clear) >= _LEAST_CLEAR) & (np.minimum(*shares) >= _KNOWN)
+        fits &= np.minimum(*clear) >= _LEAST_CLEAR
         fits &= (np.abs(beside[0] - beside[1]) <= _MOST_APART * step).all(axis=0)
         score: Floats = np.where(fits, step * np.minimum(np.minimum(*clear), 3), 0)
-        best = (score > 0) & (score >= ndimage.maximum_filter1d(score, 5))
+        by_row = np.zeros(count)
+        by_row[rows] = score
+        best = (score > 0) & (score >= ndimage.maximum_filter1d(by_row, 5)[rows])
         found = []
         for k in np.flatnonzero(best).tolist():
             corner = start + rows[k] * normal

@@ -299,7 +299,7 @@ def test_a_summary_judges_what_the_crop_shows():
     assert summary["size"] == [WIDTH, HEIGHT]
     x, y = summary["look_at"]
     assert 70 <= x < 110
-    assert 80 <= y < 88
+    assert 84 - 8 <= y <= 84 + 8  # the middle of a square of 16 px; of paths as cheap, any is a seam
     assert summary["worst_likeness"] < 0.5
     low = whole.crop((30, 50, 100, 160)).summary()
     assert (low["size"], low["crop"]) == ([110, 70], [50, 30, 110, 70])

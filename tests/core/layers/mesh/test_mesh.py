@@ -8,7 +8,16 @@ from skimage import data
 
 import toposeam as ts
 from toposeam.layers.canvas import MeshTransform, PlaneTransform, on_canvas, reach, similarity, unbent
-from toposeam.layers.mesh import bent, find_lines, flat_meshes, reduced_copies, solved, trial_seam
+from toposeam.layers.mesh import (
+    bent,
+    find_lines,
+    finer,
+    flat_meshes,
+    reduced_copies,
+    solved,
+    toned_copies,
+    trial_seam,
+)
 
 SIZE = (160, 120)
 
@@ -24,6 +33,25 @@ def mesh(amount, base=None, seed=0):
 def grid(size=SIZE, count=9):
     x, y = np.linspace(0, size[0] - 1, count), np.linspace(0, size[1] - 1, count)
     return np.stack(np.meshgrid(x, y), axis=-1)
+
+
+@pytest.mark.parametrize("picture", ["camera", "brick", "text"])
+def test_kernels_join_the_same_lines(picture, both_ways):
+    gray = getattr(data, picture)()[:300, :400].astype(np.float32) / 255
+    one, other = both_ways(lambda: find_lines(gray, 15.0))
+    assert len(one) > 5
+    assert one == pytest.approx(other, abs=1e-6)
+
+
+def test_finer_meshes_displace_about_alike():
+    size = (1600, 1200)
+    coarse = flat_meshes([similarity((0, 0))], [size], coarse=True)[0]
+    rows, columns = np.indices(coarse.coefficients.shape[:2])
+    slow = np.stack([3 * np.sin(columns / 6), 2 * np.cos(rows / 5)], axis=-1)
+    coarse = dataclasses.replace(coarse, coefficients=slow)
+    (fine,) = finer([coarse])
+    assert fine.cell < 0.6 * coarse.cell
+    assert np.abs(fine.shift(grid(size)) - coarse.shift(grid(size))).max() < 0.1
 
 
 def test_a_mesh_is_inverted():
@@ -136,6 +164,32 @@ def walked():
         [map_coordinates(whole[..., k].astype(float), [y, x + 120 + second], order=1) for k in range(3)], -1
     )
     return [ts.Layer(whole[:, :280]), ts.Layer(np.clip(moved, 0, 255).astype(np.uint8))], second[:, 0]
+
+
+def test_copies_get_the_same_tones_once():
+    whole = data.astronaut()[:300, :400] * 0.8
+    darkening = np.linspace(1.0, 0.7, 260)[np.newaxis, :, np.newaxis]
+    views = [
+        ts.Layer(whole[:, :260].astype(np.uint8)),
+        ts.Layer((whole[:, 140:] * darkening).astype(np.uint8)),
+    ]
+    copies, scales = reduced_copies(views)
+    plain = (similarity((0, 0)), similarity((140, 0)))
+    toned = toned_copies(copies, scales, plain, max(scales))
+    apart = [
+        np.abs(one.image[:, 140:].mean(axis=0) - other.image[:, :120].mean(axis=0)).mean()
+        for one, other in (copies, toned)
+    ]
+    assert apart[1] < 0.4 * apart[0]
+    assert float(trial_seam(toned, scales, plain, 1)[0].cost) < float(
+        trial_seam(copies, scales, plain, 1)[0].cost
+    )
+    away = (similarity((0, 0)), similarity((900, 0)))
+    assert [
+        one.image is other.image
+        for one, other in zip(copies, toned_copies(copies, scales, away, 1), strict=True)
+    ]
+    assert trial_seam(copies, scales, away, 1) is None
 
 
 @pytest.mark.medium

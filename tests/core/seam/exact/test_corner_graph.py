@@ -89,3 +89,24 @@ def test_a_limit_holds_for_few_corners_too():
     _, least = cheapest_path(below, beside, (0, 79 * 80))
     for whole in (np.inf, 1000):
         assert cheapest_path(below, beside, (0, 79 * 80), 0.9 * least, whole) == (None, np.inf)
+
+
+@pytest.mark.parametrize("limit", [np.inf, 20.0, 1.0])
+@pytest.mark.parametrize("seed", range(4))
+def test_kernels_find_a_path_as_short(seed, limit, both_ways):
+    below, beside = costs(seed, 70, 50)
+    below[np.random.default_rng(seed).random(below.shape) < 0.3] = np.inf
+    ends = 3 * 50 + 2, 66 * 50 + 45
+    (one, short), (other, least) = both_ways(lambda: cheapest_path(below, beside, ends, limit))
+    assert short == least
+    if one is not None:
+        assert (one[0], one[-1]) == (other[0], other[-1]) == ends
+        assert length(one, below, beside) == pytest.approx(least, rel=1e-9)
+
+
+def test_kernels_go_straight_where_steps_cost_nothing(both_ways):
+    below, beside = (np.zeros((40, 30), np.float32) for _ in range(2))
+    below[-1], beside[:, -1] = np.inf, np.inf
+    (path, least), (_, other) = both_ways(lambda: cheapest_path(below, beside, (2 * 30 + 3, 35 * 30 + 3)))
+    assert least == other == 0
+    assert len(path) == 34

@@ -67,6 +67,7 @@ class VolumeVerb:
     from toposeam.volume.join import JoinedVolume
     from toposeam.volume.mesh import Mesh
     from toposeam.volume.surface import Surface
+    from toposeam.volume.verdict import SurfaceVerdict
 
     __call__ = staticmethod(_volume)
 

@@ -28,10 +28,12 @@ from toposeam_cli.files.temporary import (
     tidy_once,
 )
 
+#: The suffix of OpenEXR, whose package is loaded for it alone.
+EXR = ".exr"
 #: The extensions :func:`toposeam_cli.media.pictures.picture.write_picture` writes.
 PICTURE_SUFFIXES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".webp")
 #: Those of textures and their maps.
-TEXTURE_SUFFIXES = (*PICTURE_SUFFIXES, ".exr")
+TEXTURE_SUFFIXES = (*PICTURE_SUFFIXES, EXR)
 #: Compressions of TIFF.
 COMPRESSIONS = ("deflate", "lzw", "none")
 

@@ -28,7 +28,7 @@ from toposeam.arrays import Floats
 from toposeam.checks import check_function, check_items, check_kind, check_range, check_whole
 from toposeam.display import to_png
 from toposeam.errors import OptionError, Term
-from toposeam.motif.arrangement import arrange, random_arrangement
+from toposeam.motif.arrangement import arrange
 from toposeam.motif.border_smoothing import (
     beside_weight,
     border_weight,
@@ -320,10 +320,12 @@ def _with_even_borders(
             everyone = list(range(len(first)))
             changes = [(border_weight(shape, axis, repeat, width), everyone) for width in _TRIED_WIDTHS]
             changes += [(beside, [each]) for each in own]
+            before = layers[index]
             for weight, changed in changes:
                 if worst <= _EVEN_ENOUGH:
                     break
-                before = layers[index]
+                if changed is not everyone:  # one after the other, on what is best by then
+                    before = layers[index]
                 for power in _TRIED_POWERS:
                     factor = np.exp(power * weight)
                     tried = list(layers)
@@ -348,11 +350,13 @@ def _scaled(density: npt.NDArray[np.float32], factor: Floats, repeat: str) -> np
 
 def _laid_visibility(motifs: list[Motif], layer: int, axis: int) -> float:
     """Compute how far borders across an axis show, as lines or as edges, of one ink, in random patterns."""
-    grids = [random_arrangement((4, 4), len(motifs), seed=seed) for seed in range(_LAID)]
-    inked = arrange(motifs, np.concatenate(grids, axis=1 - axis)).coverage_of(layer)
-    side = motifs[0].densities.shape[1 + axis]
-    patterns = np.split(inked if axis == 0 else inked.T, _LAID, axis=1)
-    return max(max(line_visibility(each, side), edge_visibility(each, side)) for each in patterns)
+    worst = 0.0
+    for seed in range(_LAID):
+        inked = arrange(motifs, (4, 4), seed=seed).coverage_of(layer)
+        side = motifs[0].densities.shape[1 + axis]
+        inked = inked if axis == 0 else inked.T
+        worst = max(worst, line_visibility(inked, side), edge_visibility(inked, side))
+    return worst
 
 
 def _blend(a: Recipe, b: Recipe, share: float) -> Recipe:

@@ -130,7 +130,7 @@ def test_the_screen_repeats_as_the_pattern_does(works, recipe, tmp_path):
 def test_colours_change_at_once_without_solving(works, recipe):
     with program("--motif", recipe, works=works) as (_, address), chromium() as context:
         page = opened(context, address)
-        until(page, "window.toposeam.final")
+        until(page, f"window.toposeam.final && {SETTLED}")
         before, frames = page.evaluate(DIGEST), page.evaluate("window.toposeam.frames")
         page.click("#strip button >> nth=11")
         assert page.evaluate(DIGEST) != before

@@ -12,7 +12,7 @@ import pyvips
 from picture_samples import smooth
 from PIL import Image
 
-from toposeam_cli.files.writing import PICTURE_SUFFIXES
+from toposeam_cli.files.writing import TEXTURE_SUFFIXES
 from toposeam_cli.media.pictures import picture as picture_module
 from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
 from toposeam_cli.motifs.recipe_files import to_xmp
@@ -29,7 +29,7 @@ def test_importing_the_module_does_not_load_libvips():
 
 
 def test_the_formats_are_the_ones_the_check_allows():
-    assert tuple(picture_module._FORMATS) == PICTURE_SUFFIXES
+    assert tuple(picture_module._FORMATS) == TEXTURE_SUFFIXES
 
 
 PACKET = (

@@ -15,11 +15,10 @@ import numpy as np
 
 from toposeam.errors import ImageError
 from toposeam_cli.files.regular import check_input
+from toposeam_cli.files.writing import EXR
 from toposeam_cli.media.pictures.colour import DEPTHS, INTENT
 from toposeam_cli.media.pictures.libvips import VipsImage, evaluate, load_vips, reason
 
-#: The suffix of OpenEXR, whose package is loaded for it alone.
-EXR = ".exr"
 _HEIC = {".heic", ".heif", ".hif"}
 
 #: Resolution that means "unknown", px per mm: writers whose format needs one write 72 per inch.

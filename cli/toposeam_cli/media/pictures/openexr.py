@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from toposeam.errors import ImageError, MissingPackageError
-from toposeam_cli.media.pictures.decode import EXR
+from toposeam_cli.files.writing import EXR
 from toposeam_cli.media.pictures.libvips import evaluate, to_vips
 
 #: Sets of channels that are read, in the order of the array's.

@@ -18,7 +18,7 @@ import numpy as np
 
 from toposeam.errors import ImageError
 from toposeam.images import full_scale
-from toposeam_cli.files.writing import OutputError, check_output, replacing
+from toposeam_cli.files.writing import EXR, OutputError, check_output, replacing
 from toposeam_cli.media.pictures.colour import DEPTHS, convert_profile, to_depth
 from toposeam_cli.media.pictures.decode import (
     UNSTATED_RESOLUTION,
@@ -90,7 +90,7 @@ _WEBP = _Format(
 _EXR = _Format(saver="", depths=DEPTHS[2:])
 
 _FORMATS = {".png": _PNG, ".tif": _TIFF, ".tiff": _TIFF, ".jpg": _JPEG, ".jpeg": _JPEG, ".webp": _WEBP}
-_FORMATS |= {".exr": _EXR}
+_FORMATS |= {EXR: _EXR}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -299,7 +299,7 @@ from gi.repository import Gdk
 Gimp.Selection.none(image_of(number))
 dialog = opened()
 dialog._pane.start()
-picture = dialog._pane._row.get_children()[0]
+picture = dialog._pane._picture
 wait_until(lambda: dialog._pane._raw)
 fitted = picture.get_pixbuf().get_width()
 dialog._dialog.resize(1100, 800)
@@ -318,10 +318,13 @@ dialog._dialog.destroy()
 
 def test_a_preview_of_a_hole_shows_its_surroundings(ask):
     code = """
+from toposeam_gimp.dialogs import scenes
+least, scenes._LEAST_SHOWN = scenes._LEAST_SHOWN, 0  # px, more than this layer has
 dialog = opened()
 dialog._pane.start()
 answer = wait_until(lambda: dialog._pane._raw) and [dialog._pane._raw[0].get_width(), layers]
 answer[1] = item(layers[0]).get_width()
+scenes._LEAST_SHOWN = least
 dialog._pane.close()
 dialog._dialog.destroy()
 """

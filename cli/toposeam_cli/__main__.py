@@ -45,6 +45,9 @@ def start() -> None:
     except KeyboardInterrupt:  # one more, meanwhile
         code = 130
         _deaf()
+    # Where Ctrl-C came while text was run, as by dataclasses in imports, Python would end by that signal
+    # though it was handled; it forgets this when it runs text again.
+    eval("None")  # noqa: S307 - a constant
     sys.exit(code if _flushed(quiet=bool(code)) else code or 1)
 
 

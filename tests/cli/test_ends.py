@@ -133,6 +133,21 @@ def test_one_more_ctrl_c_after_all_is_tidied_away_says_nothing(monkeypatch):
     assert ignored[1:] == [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
 
 
+def test_ctrl_c_in_text_that_is_run_ends_with_130(tmp_path):
+    """As in a dataclass of an import; Python 3.11 would kill itself by SIGINT at its end."""
+    (tmp_path / "case.py").write_text(
+        "from toposeam_cli import __main__ as entry\n"
+        "import toposeam_cli.app.main as app\n"
+        "def main(**options):\n"
+        "    exec('raise KeyboardInterrupt')\n"
+        "app.main = main\n"
+        "entry.start()\n"
+    )
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
+    ran = subprocess.run([sys.executable, "-m", "case"], env=environment, capture_output=True, text=True)
+    assert (ran.returncode, ran.stderr) == (130, "")
+
+
 # Killed at any moment.
 
 #: The full measure is TOPOSEAM_KILLS=100: about ten minutes each.

@@ -93,7 +93,7 @@ EXPORTED int32_t cheapest_way(
             i + 1 < count ? beside[i] : INFINITY, i + width < count ? below[i] : INFINITY};
         for (int32_t k = 0; k < 4; k++) {
             const double next = own.far + cost[k];
-            if (next > limit || next >= far[there[k]]) continue;
+            if (isinf(next) || next > limit || next >= far[there[k]]) continue; /* perhaps no corner */
             far[there[k]] = next;
             back[there[k]] = (uint8_t)(DOWN - k);
             if (!put(&heap, (Reached){next, turn++, there[k]})) {

@@ -212,15 +212,19 @@ class Pages:
 
     def _write(self, command: str, words: list[str], target: Path) -> None:
         """Begin to write a file by a command of ``toposeam``."""
+
+        def take(event: Any) -> None:
+            if self._saving is worker:  # the end of one that has saved may come after the next has begun
+                self._saved(event)
+
         self._target = target
-        self._saving = Worker(saving.run, (command, words, target), self._saved)
+        worker = self._saving = Worker(saving.run, (command, words, target), take)
 
     def _saved(self, event: Any) -> None:
         """Tell the pages how far a save is, and at its end where the picture is."""
         if event is None:
-            if self._saving is not None:
-                self._saving = None
-                self.tell(packed("cancelled", {}))
+            self._saving = None
+            self.tell(packed("cancelled", {}))
             return
         kind, text, share = event
         head: dict[str, Any] = {"text": text, "share": round(share, 3)}

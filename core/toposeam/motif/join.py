@@ -57,7 +57,7 @@ from toposeam.motif.symmetry.tiling import copy_at
 JOINABLE = ("translate", "rotate", *GENERATORS)
 #: Visibility of borders up to which nothing is done about them, and the number of random patterns in which it
 #: is measured.
-_EVEN_ENOUGH, _LAID = 0.85, 4
+_EVEN_ENOUGH, _LAID = 0.85, 8
 #: Half the widths of the band along a border that is changed, as `border_weight` takes them, and the
 #: logarithms of the factors that are tried on it.
 _TRIED_WIDTHS = (4.0, 2.0)
@@ -319,7 +319,7 @@ def _with_even_borders(
             beside = beside_weight(shape, axis, shared)
             everyone = list(range(len(first)))
             changes = [(border_weight(shape, axis, repeat, width), everyone) for width in _TRIED_WIDTHS]
-            changes += [(beside, [each]) for each in own]
+            changes += [(beside, [each]) for each in own] * 2
             before = layers[index]
             for weight, changed in changes:
                 if worst <= _EVEN_ENOUGH:

@@ -2,6 +2,7 @@
 
 import json
 import socket
+from pathlib import Path
 
 import pytest
 from edit_pages import OWN, PORT, TOKEN, hear, live, program, unpacked, walker_pictures
@@ -281,6 +282,25 @@ def test_a_second_page_looks_on_until_it_takes_over(opened):
 
 
 @pytest.mark.slow
+def test_the_end_of_one_save_leaves_the_next_alone(hub, monkeypatch):
+    begun, heard = [], []
+    monkeypatch.setattr(
+        "toposeam_cli.edit.server.Worker", lambda function, arguments, take: begun.append(take) or object()
+    )
+    monkeypatch.setattr(hub, "tell", heard.append)
+    for _ in range(2):
+        hub._write("stitch", [], Path("joined.png"))
+        begun[-1](("saved", "joined.png", 1.0))
+    hub._write("stitch", [], Path("joined.png"))
+    running = hub._saving
+    begun[1](None)  # the process of the second has ended by now
+    assert hub._saving is running
+    assert not any(b"cancelled" in message for message in heard)
+    begun[2](None)
+    assert hub._saving is None
+    assert b"cancelled" in heard[-1]
+
+
 def test_pictures_that_do_not_belong_together(tmp_path, works):
     import numpy as np
     from PIL import Image

@@ -456,18 +456,23 @@ def _check_recipes(recipes: Sequence[Recipe], weight: float, stages: int, betwee
 
 def _check_count(given: int, stages: int, between: int) -> None:
     """Refuse a row of too many motifs."""
+    if given > _MOST_MOTIFS:
+        raise OptionError(
+            "{value} recipes were given, more than {allowed}; join fewer",
+            kind="too large",
+            parameter=Term("recipes"),
+            value=given,
+            allowed=_MOST_MOTIFS,
+        )
     count = 1 + (given - 1) * (1 + between) ** (stages - 1)
     if count > _MOST_MOTIFS:
         raise OptionError(
-            "{stages} stages with {between} new motifs between two make {count} of {given}, more than "
-            "{allowed}; ask for fewer stages, or for fewer motifs between"
-            if stages > 1
-            else "{given} recipes were given, more than {allowed}; join fewer",
+            "{value} stages with {between} new motifs between two make {count} of {given}, more than "
+            "{allowed}; ask for fewer stages, or for fewer motifs between",
             kind="too large",
-            parameter=Term("stages" if stages > 1 else "recipes"),
-            value=stages if stages > 1 else given,
+            parameter=Term("stages"),
+            value=stages,
             allowed=_MOST_MOTIFS,
-            stages=stages,
             between=between,
             given=given,
             count=count,

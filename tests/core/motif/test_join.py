@@ -280,14 +280,17 @@ def test_what_cannot_be_joined_is_refused_in_one_sentence():
 
 
 @pytest.mark.parametrize(
-    ("given", "stages", "between", "count", "parameter"),
-    [(2, 4, 8, 730, "stages"), (2, 10, 1, 513, "stages"), (101, 1, 1, 101, "recipes")],
+    ("given", "stages", "between", "parameter", "text"),
+    [
+        (2, 4, 8, "stages", "make 730 of 2, more than 100; ask for fewer stages"),
+        (2, 10, 1, "stages", "make 513 of 2, more than 100; ask for fewer stages"),
+        (101, 1, 1, "recipes", "101 recipes were given, more than 100; join fewer"),
+    ],
 )
-def test_rows_of_too_many_motifs_are_refused(given, stages, between, count, parameter):
-    with pytest.raises(ts.OptionError, match=r"more than 100; (join|ask for) fewer") as raised:
+def test_rows_of_too_many_motifs_are_refused(given, stages, between, parameter, text):
+    with pytest.raises(ts.OptionError, match=text) as raised:
         ts.motif.join_motifs(_recipes(range(given), 16), stages=stages, between=between)
     assert (raised.value.kind, raised.value.parameter, raised.value.allowed) == ("too large", parameter, 100)
-    assert raised.value.data["count"] == count
 
 
 def test_recipes_of_days_of_work_are_not_joined():

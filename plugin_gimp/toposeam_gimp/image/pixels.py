@@ -258,8 +258,8 @@ def tile_sums(
 
 
 def _reduced_tiles(layer: Gimp.Layer) -> dict[str, bytes]:
-    """Return the reduced pixels of each tile of a layer, in GIMP's format, by its corner; without tiles at the
-    edges whose sides are no multiples of the divisor.
+    """Return the reduced pixels of each tile of a layer, in GIMP's format, by its corner; without tiles at
+    the edges whose sides are no multiples of the divisor.
     """
     tiles, side = {}, _TILE // _DIVISOR
     size = [length // _DIVISOR * _DIVISOR for length in (layer.get_width(), layer.get_height())]

@@ -356,7 +356,7 @@ def _scaled(density: npt.NDArray[np.float32], factor: Floats, repeat: str) -> np
 def _laid_visibility(
     motifs: list[Motif], layer: int, axis: int, seeds: list[int], below: float = np.inf
 ) -> float:
-    """Compute how far borders across an axis show at worst, as lines or as edges, of one ink, in random patterns.
+    """Compute how far borders across an axis show at worst, as lines or edges of one ink, in random patterns.
 
     It ends at the first pattern that shows them as much as `below`, whose seed becomes the first of `seeds`.
     """

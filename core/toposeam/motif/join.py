@@ -311,14 +311,16 @@ def _with_even_borders(
 
     Where a border shows more than the lines inside, all motifs get a common factor along it, and the best of
     some factors is kept. Where that is not enough, each of the `first` motifs gets one of its own beside the
-    `shared` rows. The `first` motifs alone say which, so that further stages do not change them.
+    `shared` rows, and a second one when the others have theirs. The `first` motifs alone say which, so that
+    further stages do not change them.
     """
     own = list(compress(range(len(first)), first))
     motifs = made(layers)
     for index in range(len(layers)):
         shape, repeat = layers[index][0].shape, motifs[0].repeat
         for axis in (0, 1):
-            worst = _laid_visibility([motifs[each] for each in own], index, axis)
+            seeds = list(range(_LAID))
+            worst = _laid_visibility([motifs[each] for each in own], index, axis, seeds)
             beside = beside_weight(shape, axis, shared)
             everyone = list(range(len(first)))
             changes = [(border_weight(shape, axis, repeat, width), everyone) for width in _TRIED_WIDTHS]
@@ -337,7 +339,7 @@ def _with_even_borders(
                         for each, one in enumerate(before)
                     ]
                     found = made(tried)
-                    shown = _laid_visibility([found[each] for each in own], index, axis)
+                    shown = _laid_visibility([found[each] for each in own], index, axis, seeds, worst)
                     if shown < worst:
                         motifs, layers, worst = found, tried, shown
     return motifs
@@ -351,14 +353,22 @@ def _scaled(density: npt.NDArray[np.float32], factor: Floats, repeat: str) -> np
     return symmetry(repeat, shape).mean(restored).astype(np.float32)
 
 
-def _laid_visibility(motifs: list[Motif], layer: int, axis: int) -> float:
-    """Compute how far borders across an axis show, as lines or as edges, of one ink, in random patterns."""
+def _laid_visibility(
+    motifs: list[Motif], layer: int, axis: int, seeds: list[int], below: float = np.inf
+) -> float:
+    """Compute how far borders across an axis show at worst, as lines or edges of one ink, in random patterns.
+
+    It ends at the first pattern that shows them as much as `below`, whose seed becomes the first of `seeds`.
+    """
     worst = 0.0
-    for seed in range(_LAID):
+    for seed in seeds:
         inked = arrange(motifs, (4, 4), seed=seed).coverage_of(layer)
         side = motifs[0].densities.shape[1 + axis]
         inked = inked if axis == 0 else inked.T
         worst = max(worst, line_visibility(inked, side), edge_visibility(inked, side))
+        if worst >= below:
+            seeds.sort(key=lambda each: each != seed)
+            break
     return worst
 
 

@@ -138,7 +138,7 @@ class Mirrors:
         mean = np.bincount(self._columns.ravel(), density.ravel(), count) / (density.shape[0] / 2)
         both = self.symmetry.mean(rows + self._log_factors(1, mean, wash)[self._columns])
         # Three passes smooth centres, where factors of all lines add up: along rows, columns and diagonals.
-        wide = both.ravel()[self._around]
+        wide: Floats = both.ravel()[self._around]
         wide = (wide[:, :-2] + 2 * wide[:, 1:-1] + wide[:, 2:]) / 4
         wide = (wide[:-2] + 2 * wide[1:-1] + wide[2:]) / 4
         wide = (wide[:-2, :-2] + 2 * wide[1:-1, 1:-1] + wide[2:, 2:]) / 4

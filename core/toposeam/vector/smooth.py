@@ -32,7 +32,7 @@ _REFITS = 6
 #: Further fits, with weights that grow where the curve is too far (Lawson 1961); and the distance, as a
 #: multiple of the tolerance, above which they are not tried.
 _REWEIGHTINGS = 20
-_HOPELESS = 1.7
+_HOPELESS = 1.3
 #: Length of the first stretch that is tried, px along the line.
 _FIRST_STRETCH_PX = 16
 #: The end of a stretch is found to one part in this many of its length.

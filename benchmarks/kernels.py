@@ -4,9 +4,9 @@
     python benchmarks/kernels.py A.jpg B.jpg ...     other photographs, two by two, in their place
 
 Processor time, s, the least of three (of one where it takes long), in one run. *Flow*: networks of a closed
-seam, and of one across, in windows of 300,000 px of photographs. *Paths*: along random costs. *Warp*: 12
-megapixels of colours. Peers are PyMaxflow and OpenCV, where they are installed. It ends where the two ways
-show other cuts, lengths or pixels.
+seam, and of one across, in windows of 300,000 px of photographs. *Paths*: along random costs. *Blurs*: of a
+photograph, one after the other. *Warp*: 12 megapixels of colours. Peers are PyMaxflow and OpenCV, where they
+are installed. It ends where the two ways show other cuts, lengths or pixels.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ from seam_pairs import pair, ring
 from stamp import stamp
 from toposeam import _kernels
 from toposeam.heat.network import Network
+from toposeam.images import blurred
 from toposeam.layers.canvas import Box, Layer, PlaneTransform, coordinates, inside, warped
 from toposeam.layers.mesh import find_lines
 from toposeam.seam import MatchCost
@@ -120,6 +121,7 @@ def paths() -> None:
     )
     with Image.open(SAMPLES / "portrait_left.jpg") as opened:
         gray = np.asarray(opened.convert("L"), np.float32) / 255
+    compare("blurs of an octave of features", lambda: blurred(gray, 1.25, 1.23, 1.55, 1.95, 2.45, 3.09))
     compare("straight lines of a photograph", lambda: find_lines(gray, 30.0).round(6))
 
 

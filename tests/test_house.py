@@ -48,7 +48,7 @@ ARROWS = {
     "toposeam.errors": set(),
     "toposeam.sentence": {"toposeam.errors"},
     "toposeam.checks": {"toposeam.errors"},
-    "toposeam.images": {"toposeam.arrays", "toposeam.errors", "toposeam.checks"},
+    "toposeam.images": {"toposeam._kernels", "toposeam.arrays", "toposeam.errors", "toposeam.checks"},
     "toposeam.colours": {"toposeam.arrays", "toposeam.errors"},
     "toposeam.saving": {"toposeam.checks"},
     "toposeam.display": BASE,

@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import scipy
 
-from toposeam.arrays import Image, Mask
+from toposeam import _kernels
+from toposeam.arrays import Floats32, Image, Mask
 from toposeam.checks import Name, check_number, is_masked, term_of
 from toposeam.errors import ImageError
 
@@ -242,6 +244,41 @@ def all_of_squares(mask: Mask, scale: int) -> Mask:
     whole = mask[: rows * scale, : columns * scale]
     strips = reduce(np.logical_and, (whole[at::scale] for at in range(scale)))
     return np.asarray(reduce(np.logical_and, (strips[:, at::scale] for at in range(scale))))
+
+
+def blurred(pictures: Floats32, *blurs: float) -> Floats32:
+    """Blur pictures by Gaussians, one after the other, which go as far as four deviations.
+
+    Parameters
+    ----------
+    pictures : (..., H, W) float32 array
+        Beyond their borders they go on mirrored.
+    blurs : float
+        Standard deviations, px; 0 copies.
+
+    Returns
+    -------
+    (len(blurs), ..., H, W) float32 array
+        After the first blur, after the first two, and so on.
+
+    Examples
+    --------
+    >>> blurred(np.eye(3, dtype=np.float32), 0, 0.5)[:, 1].round(2).astype(str).tolist()
+    [['0.0', '1.0', '0.0'], ['0.18', '0.64', '0.18']]
+    """
+    result = np.empty((len(blurs), *pictures.shape), np.float32)
+    source = np.ascontiguousarray(pictures, np.float32)
+    *count, rows, columns = pictures.shape
+    for blur, target in zip(blurs, result, strict=True):
+        radius = int(4 * blur + 0.5)
+        weights = np.exp(-0.5 / (blur or 1) ** 2 * np.arange(-radius, radius + 1) ** 2)
+        half = weights[radius:] / weights.sum()
+        if _kernels.library is None or _kernels.library.blurred(
+            math.prod(count), rows, columns, source, radius, half, target
+        ):
+            scipy.ndimage.gaussian_filter(source, (*(0 for _ in count), blur, blur), output=target)
+        source = target
+    return result
 
 
 def as_planes(

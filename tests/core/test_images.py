@@ -3,6 +3,7 @@
 import numpy as np
 import PIL.Image
 import pytest
+import scipy
 
 import toposeam as ts
 from toposeam.display import to_pil, to_png, to_rgba8
@@ -13,6 +14,7 @@ from toposeam.images import (
     as_mask,
     as_planes,
     as_reduced,
+    blurred,
     box_of,
     reduced,
 )
@@ -120,6 +122,26 @@ def test_a_reduced_image_is_the_mean_of_squares(dtype, shape):
         found = as_reduced(image, scale)
         assert found.dtype == np.float32
         np.testing.assert_allclose(found, squares.mean(axis=(1, 3), dtype=float), atol=2e-7, rtol=2e-7)
+
+
+@pytest.mark.parametrize(
+    "shape", [(40, 50), (3, 7, 9), (2, 2, 5, 3), (1, 1), (1, 60), (60, 1), (0, 4), (4, 0)]
+)
+@pytest.mark.parametrize("blur", [0, 0.1, 0.7, 1.6, 8.0])
+def test_kernels_blur_as_scipy_does_to_the_bit(shape, blur, both_ways):
+    pictures = np.random.default_rng(1).normal(0, 1, shape).astype(np.float32)
+    one, other = both_ways(lambda: blurred(pictures, blur, 0.5))
+    assert one.shape == (2, *shape)
+    assert np.array_equal(one, other)
+    wanted = scipy.ndimage.gaussian_filter(pictures, (*[0] * (len(shape) - 2), blur, blur))
+    assert np.array_equal(one[0], wanted)
+
+
+def test_a_part_of_a_picture_is_blurred_as_its_copy_is():
+    picture = np.random.default_rng(2).normal(0, 1, (30, 40)).astype(np.float32)
+    part = picture[::2, 3:19]
+    assert np.array_equal(blurred(part, 1.0), blurred(part.copy(), 1.0))
+    assert np.array_equal(blurred(part, 0)[0], part)
 
 
 def test_sums_of_large_squares_do_not_overflow():

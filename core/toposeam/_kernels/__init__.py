@@ -27,6 +27,7 @@ _FLAGS, _BYTES, _INTS, _FLOATS, _DOUBLES, _PIXELS = map(
 )
 #: What each function takes, in the order of its declaration in C.
 _TAKES = {
+    "blurred": (_INT, _INT, _INT, _FLOATS, _INT, _DOUBLES, _FLOATS),
     "smallest_hot_side": (_INT, _LONG, _INTS, _INTS, _INTS, _FLAGS),
     "sweep_bricks": (_LONG, _INT, _INT, _INT, _FLOAT, *[ctypes.c_void_p] * 18),
     "nearest_patches": (*[_INT] * 5, _FLOATS, _INTS, _FLOATS, _INTS, _INTS, _FLOATS),

@@ -11,4 +11,12 @@
 #define EXPORTED __attribute__((visibility("default")))
 #endif
 
+/* Compiles a function for processors with wide registers as well; the best is taken when the library is loaded. The
+   results are the same. */
+#if defined(__GLIBC__) && defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
+#define FOR_EACH_PROCESSOR __attribute__((target_clones("avx2", "default")))
+#else
+#define FOR_EACH_PROCESSOR
+#endif
+
 #endif

@@ -154,7 +154,7 @@ class Composition(PictureResult):
         """(H, W) or (H, W, C) array in the layers' dtype; 0 where no layer has pixels."""
         return self._picture[0]
 
-    @property
+    @cached_property
     def alpha(self) -> Image | None:
         """(H, W) opacity in the layers' dtype, up to full scale; None if every pixel is opaque."""
         alpha = self._picture[1]

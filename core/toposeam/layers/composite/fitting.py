@@ -12,7 +12,7 @@ import scipy
 from toposeam.arrays import Floats32, Image, Mask
 from toposeam.checks import check_kind
 from toposeam.errors import TopoSeamError
-from toposeam.images import Windows, box_of, full_scale
+from toposeam.images import Windows, blurred, box_of, full_scale
 from toposeam.layers.boundary.fit import fitted_box
 from toposeam.layers.boundary.ground import HOLE, ground_of, prices_of
 from toposeam.layers.boundary.reduced import Overview, overview
@@ -294,7 +294,7 @@ def _shows(image: Image, holes: Mask, unknown: Mask, short: int) -> Mask:
     gray = image.reshape(*holes.shape, -1).mean(axis=2, dtype=np.float32) / np.float32(
         full_scale(image.dtype)
     )
-    rough = np.abs(gray - scipy.ndimage.gaussian_filter(gray, 1.5))
+    rough = np.abs(gray - blurred(gray, 1.5)[0])
     size = 2 * max(8, short // 24) + 1
     real = ~(scipy.ndimage.binary_dilation(holes, np.ones((3, 3))) | unknown)
     found = []

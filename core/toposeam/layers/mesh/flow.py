@@ -9,6 +9,7 @@ import numpy.typing as npt
 import scipy
 
 from toposeam.arrays import Floats, Floats32, Mask
+from toposeam.images import blurred
 from toposeam.layers.canvas.layer import Layer
 
 #: Blur of the windows of the flow, px, refinements of each size, and sizes, each half of the one before.
@@ -60,11 +61,8 @@ def flow_near(layers: Sequence[Layer], labels: Mask, reach: float) -> tuple[Floa
     at = np.clip(np.rint(landed).astype(int), 0, np.array(a.shape)[:, None, None] - 1)
     good &= shown[at[0], at[1]]
     good &= near
-    down, right = np.gradient(scipy.ndimage.gaussian_filter(a, 1.0))
-    xx, xy, yy = (
-        scipy.ndimage.gaussian_filter(one * other, _STRUCTURE)
-        for one, other in ((right, right), (right, down), (down, down))
-    )
+    down, right = np.gradient(blurred(a, 1.0)[0])
+    xx, xy, yy = blurred(np.stack([right * right, right * down, down * down]), _STRUCTURE)[0]
     spread = np.hypot(xx - yy, 2 * xy)
     most, least = (xx + yy + spread) / 2, (xx + yy - spread) / 2
     if not good.any():
@@ -108,17 +106,14 @@ def _flow(a: Floats32, b: Floats32) -> Floats32:
                     for part in found
                 ]
             )
-        down, right = np.gradient(scipy.ndimage.gaussian_filter(one, 0.7))
-        yy, xy, xx = (
-            scipy.ndimage.gaussian_filter(first * second, _WINDOW)
-            for first, second in ((down, down), (down, right), (right, right))
-        )
+        down, right = np.gradient(blurred(one, 0.7)[0])
+        yy, xy, xx = blurred(np.stack([down * down, down * right, right * right]), _WINDOW)[0]
         yy, xx = yy + _FLAT, xx + _FLAT
         scale = 1 / (yy * xx - xy * xy)
         place = np.indices(one.shape, np.float32)
         for _ in range(_REFINEMENTS):
             left = one - scipy.ndimage.map_coordinates(other, place + found, order=1, mode="nearest")
-            own, beside = (scipy.ndimage.gaussian_filter(side * left, _WINDOW) for side in (down, right))
+            own, beside = blurred(np.stack([down * left, right * left]), _WINDOW)[0]
             step = np.stack([xx * own - xy * beside, yy * beside - xy * own]) * scale
             found = found + np.clip(step, -1, 1)
     return np.asarray(found, np.float32)

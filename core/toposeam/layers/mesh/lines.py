@@ -12,6 +12,7 @@ import scipy
 
 from toposeam import _kernels
 from toposeam.arrays import Floats, Floats32
+from toposeam.images import blurred
 
 #: Blur of the picture, px, and the least gradient of an edge, of full scale per px.
 _BLUR, _LEAST_GRADIENT = 1.0, 0.015
@@ -41,7 +42,7 @@ def find_lines(gray: Floats32, least: float) -> Floats:
     (K, 4) float array
         x and y of both ends, px, the longest first.
     """
-    smooth = scipy.ndimage.gaussian_filter(gray, _BLUR)
+    smooth = blurred(gray, _BLUR)[0]
     down, right = np.gradient(smooth)
     strength = np.hypot(right, down)
     y, x = np.nonzero(strength > _LEAST_GRADIENT)

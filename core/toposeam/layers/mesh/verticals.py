@@ -38,14 +38,26 @@ _OUTLINES, _POINTS = 240, 24
 _PRIOR = 6.0
 
 
+def lines_of(picture: Image) -> Floats:
+    """Find the straight edges of an (H, W) or (H, W, C) picture, on a reduced copy: (K, 4), x and y of both
+    ends, px of the picture.
+    """
+    step = max(1, -(-max(picture.shape[:2]) // _SIDE))
+    height, width = (side // step for side in picture.shape[:2])
+    part = np.asarray(picture[: height * step : step, : width * step : step])
+    gray = as_planes(part, data_range=full_scale(part.dtype)).mean(axis=0, dtype=np.float32)
+    return np.asarray(step * find_lines(gray, _LEAST * max(height, width)))
+
+
 def down_of(
-    pictures: Sequence[Image], rays_of: Callable[[int, Floats], Floats], forward: Floats, guess: Floats
+    lines: Sequence[Floats], rays_of: Callable[[int, Floats], Floats], forward: Floats, guess: Floats
 ) -> Floats | None:
     """Find the direction on which upright lines agree.
 
     Parameters
     ----------
-    pictures : sequence of (H, W) or (H, W, C) arrays
+    lines : sequence of (K, 4) arrays
+        Of each picture, by :func:`lines_of`.
     rays_of : callable
         From the number of a picture and (M, 2) points of it to (M, 3) rays that its camera sees there, all in
         one frame.
@@ -57,7 +69,7 @@ def down_of(
     (3,) float array or None
         None where too few lines agree.
     """
-    normals, lengths = _normals(pictures, rays_of)
+    normals, lengths = _normals(lines, rays_of)
     near = np.abs(normals @ guess) < math.sin(math.radians(_NEAR))
     normals, lengths = normals[near], lengths[near]
     if len(normals) < _FEWEST:
@@ -128,18 +140,13 @@ def _share_kept(sizes: Floats, transforms: Sequence[Transform]) -> float:
     return 0.0 if box is None else math.prod(box.shape) / int(shown.sum())
 
 
-def _normals(pictures: Sequence[Image], rays_of: Callable[[int, Floats], Floats]) -> tuple[Floats, Floats]:
+def _normals(lines: Sequence[Floats], rays_of: Callable[[int, Floats], Floats]) -> tuple[Floats, Floats]:
     """Return the (K, 3) normals of lines, and their lengths, rad."""
     normals, lengths = [np.zeros((0, 3))], [np.zeros(0)]
-    for index, picture in enumerate(pictures):
-        step = max(1, -(-max(picture.shape[:2]) // _SIDE))
-        height, width = (side // step for side in picture.shape[:2])
-        part = np.asarray(picture[: height * step : step, : width * step : step])
-        gray = as_planes(part, data_range=full_scale(part.dtype)).mean(axis=0, dtype=np.float32)
-        lines = step * find_lines(gray, _LEAST * max(height, width))
-        if not len(lines):
+    for index, own in enumerate(lines):
+        if not len(own):
             continue
-        rays = rays_of(index, lines.reshape(-1, 2))
+        rays = rays_of(index, own.reshape(-1, 2))
         rays /= np.linalg.norm(rays, axis=1, keepdims=True)
         across = np.cross(rays[::2], rays[1::2])
         length = np.linalg.norm(across, axis=1)

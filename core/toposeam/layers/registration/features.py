@@ -16,10 +16,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
-import scipy
 
 from toposeam.arrays import Bytes, Complexes, Floats, Floats32, Indices, Mask
-from toposeam.images import all_of_squares, as_reduced, reduced
+from toposeam.images import all_of_squares, as_reduced, blurred, reduced
 from toposeam.layers.canvas.layer import Layer
 
 Float = TypeVar("Float", np.float32, np.float64)
@@ -124,9 +123,9 @@ def describe_picture(picture: Layer) -> FeatureSet:
     planes = as_reduced(np.asarray(picture.image), detail_scale, picture.title, picture.data_range)
     gray = gray_of(planes, np.float32)
     gray[~known] = 0
-    slow = scipy.ndimage.gaussian_filter(gray, CONTENT_BLUR)
+    slow = blurred(gray, CONTENT_BLUR)[0]
     if not known.all():
-        slow /= np.maximum(scipy.ndimage.gaussian_filter(known.astype(np.float32), CONTENT_BLUR), 1e-6)
+        slow /= np.maximum(blurred(known.astype(np.float32), CONTENT_BLUR)[0], 1e-6)
     detail = np.where(known, gray - slow, np.float32(0)).astype(np.float32)
     scale = max(1, int(np.ceil(np.sqrt(gray.size / _FEATURE_PIXELS))))
     points, descriptors = find_features(reduced(gray, scale), _CONTRAST)
@@ -202,11 +201,13 @@ def find_features(image: Floats32, contrast: float) -> tuple[Floats, Bytes]:
     """
     points, descriptors = [np.zeros((0, 2))], [np.zeros((0, 128), np.uint8)]
     doubled = _doubled(image)
-    level = scipy.ndimage.gaussian_filter(doubled, np.sqrt(_SIFT.first_blur**2 - _SIFT.camera_blur**2))
+    level, first = doubled, np.sqrt(_SIFT.first_blur**2 - _SIFT.camera_blur**2)
+    more = np.sqrt(2 ** (2 / _SIFT.levels) - 1) * _SIFT.first_blur
+    blurs = more * 2 ** (np.arange(_SIFT.levels + 2) / _SIFT.levels)
     for octave in range(_SIFT.octaves):
         if min(doubled.shape) < _SIFT.shortest * 2**octave:
             break
-        levels = _blurred(level)
+        levels = blurred(level, 0 if octave else first, *blurs)
         level = levels[_SIFT.levels, ::2, ::2]
         corners, offsets = _extrema(np.diff(levels, axis=0), contrast)
         for number in range(1, _SIFT.levels + 1):
@@ -237,17 +238,6 @@ def _doubled(image: Floats32) -> Floats32:
             beside = 0.25 * lines[:, 2 * right : 2 * right + columns]
             doubled[down::2, right::2] = np.add(inner, beside, out=beside)
     return doubled
-
-
-def _blurred(first: Floats32) -> Floats32:
-    """Compute the (6, h, w) levels of an octave, each blurred more than the last."""
-    levels = np.empty((_SIFT.levels + 3, *first.shape), np.float32)
-    levels[0] = first
-    more = np.sqrt(2 ** (2 / _SIFT.levels) - 1) * _SIFT.first_blur
-    for number in range(1, len(levels)):
-        blur = more * 2 ** ((number - 1) / _SIFT.levels)
-        scipy.ndimage.gaussian_filter(levels[number - 1], blur, output=levels[number])
-    return levels
 
 
 def _extrema(differences: Floats32, contrast: float) -> tuple[Indices, Floats]:

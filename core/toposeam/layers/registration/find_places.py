@@ -613,9 +613,9 @@ def _down(
     from toposeam.layers.mesh.verticals import down_of
     from toposeam.layers.registration.perspective import level_down, rays_at
 
-    images = [matcher.pictures[number].image for number in numbers]
+    lines = list(map(matcher.lines, numbers))
     forward = camera.rotations[camera.middle][:, 2]
-    return down_of(images, lambda index, points: rays_at(camera, index, points), forward, level_down(camera))
+    return down_of(lines, lambda index, points: rays_at(camera, index, points), forward, level_down(camera))
 
 
 def _doubts_of(

@@ -129,6 +129,7 @@ class PairMatcher:
         first = {digest: index for index, digest in reversed(list(enumerate(self._digests)))}
         different = sorted(first, key=lambda digest: first[digest])
         self._described: dict[bytes, FeatureSet] = {}
+        self._lines: dict[bytes, Floats] = {}
         self._tried: dict[Kind, dict[_Digests, Match | None]] = {"similarity": {}, "homography": {}}
         described = results(executor, describe_picture, [pictures[first[digest]] for digest in different])
         for digest, features in zip(different, described, strict=True):
@@ -156,6 +157,15 @@ class PairMatcher:
     def shared(self, pair: Pair) -> Indices:
         """Return the (M, 2) numbers of the features that a pair shares."""
         return self._shared[self._key(pair)]
+
+    def lines(self, number: int) -> Floats:
+        """Return the straight edges of a picture, (K, 4); they are looked for once."""
+        digest = self._digests[number]
+        if digest not in self._lines:
+            from toposeam.layers.mesh.verticals import lines_of
+
+            self._lines[digest] = lines_of(self.pictures[number].image)
+        return self._lines[digest]
 
     def most_shared(self) -> Indices:
         """Count the features that each picture shares with the one that it shares most with: (N,)."""

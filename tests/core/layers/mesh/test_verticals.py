@@ -38,7 +38,8 @@ def facade(lean):
 
 
 def down_of(pictures, bundle, guess):
-    return mesh.down_of(pictures, lambda *at: rays_at(bundle, *at), np.array([0.0, 0, 1]), guess)
+    lines = list(map(mesh.lines_of, pictures))
+    return mesh.down_of(lines, lambda *at: rays_at(bundle, *at), np.array([0.0, 0, 1]), guess)
 
 
 def camera():

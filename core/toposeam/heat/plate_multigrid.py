@@ -19,6 +19,7 @@ contrast. Sweeps run in single precision, the conjugate gradients around them in
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -27,7 +28,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse import coo_array, dia_array
 from scipy.sparse.linalg import splu
 
-from toposeam.arrays import Floats, Floats32
+from toposeam.arrays import Floats, Floats32, Ints32
 from toposeam.errors import SolverError
 from toposeam.heat.conjugate import DAMPING, Solved, conjugate_gradients
 from toposeam.heat.plate_joints import Groups, Joint, Shift
@@ -148,24 +149,50 @@ def stencil(elements: npt.NDArray[np.floating], groups: Groups) -> Stencil:
     return Stencil((diagonal, right, down, falling, rising), groups)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Joined:
+    """Where the entries of nine diagonals lie in the joined matrix."""
+
+    #: Number of every node's temperature θ', a node of each temperature, and the number of temperatures.
+    number: Ints32
+    first: npt.NDArray[np.intp]
+    count: int
+    #: Flat indices of the entries within the matrix, and their rows and columns in the joined one.
+    kept: npt.NDArray[np.intp]
+    rows: npt.NDArray[np.int64]
+    columns: npt.NDArray[np.int64]
+
+
+@lru_cache(maxsize=16)
+def _joined(groups: Groups, nodes: int, offsets: tuple[int, ...]) -> _Joined:
+    """Return where the entries of diagonals lie in the matrix of joined nodes."""
+    number, count = groups.numbering(nodes)
+    column = np.arange(nodes)
+    row = column - np.array(offsets)[:, np.newaxis]
+    kept = np.flatnonzero((row >= 0) & (row < nodes))
+    first = np.unique(number, return_index=True)[1]
+    wide = number.astype(np.int64)
+    return _Joined(number, first, count, kept, wide[row.ravel()[kept]], wide[kept % nodes])
+
+
 class DirectSolver:
     """Factorisation of K' = TᵀKT (4.9)."""
 
     def __init__(self, system: Stencil) -> None:
-        matrix = system.matrix(np.float64).tocoo()
-        self._number, count = system.groups.numbering(matrix.shape[0])
-        rows, columns = matrix.coords
-        joined = coo_array(
-            (matrix.data, (self._number[rows], self._number[columns])), shape=(count, count)
-        ).tocsc()
-        self._first = np.unique(self._number, return_index=True)[1]
+        matrix = system.matrix(np.float64)
+        joined = _joined(system.groups, matrix.shape[0], tuple(matrix.offsets.tolist()))
+        self._number, self._first, count = joined.number, joined.first, joined.count
+        values = matrix.data.ravel()[joined.kept]
         self._dense = count <= _DENSE_NODES
         try:
             if self._dense:
-                self._factor = cho_factor(joined.toarray())
+                whole = np.bincount(joined.rows * count + joined.columns, values, count * count)
+                self._factor = cho_factor(whole.reshape(count, count))
             else:
+                coordinates = (joined.rows, joined.columns)
+                sparse = coo_array((values, coordinates), shape=(count, count)).tocsc()
                 self._factor = splu(
-                    joined, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+                    sparse, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
                 )
         except (RuntimeError, np.linalg.LinAlgError) as error:
             raise SolverError(
@@ -185,11 +212,19 @@ class PlateLevel:
 
     def __init__(self, system: Stencil, shape: tuple[int, int]) -> None:
         self.shape, self.groups = shape, system.groups
-        self.matrix = system.matrix(np.float32)
-        diagonal = system.diagonal()
-        self._jacobi: Floats32 = np.divide(
-            1.0, diagonal, out=np.zeros_like(diagonal), where=diagonal > 0
-        ).astype(np.float32)
+        self._system = system
+
+    @cached_property
+    def matrix(self) -> dia_array:
+        """The matrix of the level; the coarsest one, which has no smoother, needs none."""
+        return self._system.matrix(np.float32)
+
+    @cached_property
+    def _jacobi(self) -> Floats32:
+        diagonal = self._system.diagonal()
+        inverse = np.divide(1.0, diagonal, out=np.zeros_like(diagonal), where=diagonal > 0)
+        found: Floats32 = inverse.astype(np.float32)
+        return found
 
     def residual(self, load: Floats32, theta: Floats32) -> Floats32:
         """Compute load - K'θ."""

@@ -92,6 +92,8 @@ class Mirrors:
         if repeat in HEXAGONAL:  # columns on paper are those of 2u - v, see `hexagonal_lattice`
             v, u = np.ogrid[: shape[0], : shape[1]]
             self._columns = (2 * u - v) % (2 * shape[1])
+            rows, columns = (np.arange(-2, side + 2) % side for side in shape)
+            self._around = rows[:, np.newaxis] * shape[1] + columns
             counts = shape[0], 2 * shape[1]
         self._lines = tuple(
             [_line(place, count, repeat == "reflect") for place in sorted(places)]
@@ -135,10 +137,12 @@ class Mirrors:
         # A column on paper has an element in every second row.
         mean = np.bincount(self._columns.ravel(), density.ravel(), count) / (density.shape[0] / 2)
         both = self.symmetry.mean(rows + self._log_factors(1, mean, wash)[self._columns])
-        for along in ((0, 1), (1, 0), (1, 1)):  # smooths centres, where factors of all lines add up
-            back = (-along[0], -along[1])
-            both = (np.roll(both, along, (0, 1)) + 2 * both + np.roll(both, back, (0, 1))) / 4
-        return density * np.exp(both)
+        # Three passes smooth centres, where factors of all lines add up: along rows, columns and diagonals.
+        wide: Floats = both.ravel()[self._around]
+        wide = (wide[:, :-2] + 2 * wide[:, 1:-1] + wide[:, 2:]) / 4
+        wide = (wide[:-2] + 2 * wide[1:-1] + wide[2:]) / 4
+        wide = (wide[:-2, :-2] + 2 * wide[1:-1, 1:-1] + wide[2:, 2:]) / 4
+        return density * np.exp(wide)
 
     def _log_factors(self, axis: int, mean: Floats, wash: bool) -> Floats:
         found = np.zeros(len(mean))

@@ -1,12 +1,14 @@
-"""SIFT features against scikit-image's, against a turned picture, and of pictures that show nothing."""
+"""SIFT features and shifts of patches against scikit-image's, features of a turned picture and of nothing."""
 
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 from scipy.spatial import cKDTree
 from skimage import data, feature
+from skimage.registration import phase_cross_correlation
 
 from toposeam.layers.registration import find_features
+from toposeam.layers.registration.pair_matching import _moves
 
 CONTRAST = 0.004
 
@@ -85,3 +87,17 @@ def test_faint_detail_is_left_out(picture):
     none, _ = find_features(picture / 1000, CONTRAST)
     assert 0 < len(strong) < len(all_of_it) / 3
     assert len(none) == 0
+
+
+@pytest.mark.parametrize("size", [16, 31, 64])
+def test_patches_are_moved_as_skimage_moves_each(size):
+    rng = np.random.default_rng(5)
+    whole = gaussian_filter(rng.normal(0, 1, (5, 100, 100)), (0, 2, 2)).astype(np.float32)
+    ones, others = whole[:, :size, :size], whole[:, 3 : 3 + size, 1 : 1 + size]
+    one_by_one = [
+        phase_cross_correlation(*pair, upsample_factor=20, normalization=None)[0]
+        for pair in zip(ones, others, strict=True)
+    ]
+    assert np.array_equal(_moves(ones, others), one_by_one)
+    assert np.ptp(one_by_one) > 0
+    assert _moves(ones[:0], others[:0]).shape == (0, 2)

@@ -89,7 +89,7 @@ def shapes() -> None:
     for seed, (words, options) in enumerate(panels, 3):
         given = {"repeat": "translate", "style": "vein", "layers": 2, "seed": seed, **options}
         given["penalty"] = 3.0
-        drawn.append((words, pattern(ts.generate_motif(SIZE, **given))))
+        drawn.append((words, pattern(ts.motif(SIZE, **given))))
     sheet("composition-shapes.jpg", drawn, 4)
 
 
@@ -107,7 +107,7 @@ def pieces() -> None:
     ]
     drawn = []
     for words, options in panels:
-        motif = ts.generate_motif(SIZE, **options)
+        motif = ts.motif(SIZE, **options)
         across = SIDE // 2
         layers = ts.motif.repeat_densities(motif, (2, 2), size=(across, across), frame=motif.frame)
         drawn.append((words, picture(mix(layers, motif.inks, motif.paper))))

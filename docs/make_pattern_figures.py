@@ -78,7 +78,7 @@ def sheet() -> None:
     canvas = Image.new("RGB", (4 * side + 3 * gap, 3 * (side + foot)), _PAPER)
     pen = ImageDraw.Draw(canvas)
     for index, (style, rule, name) in enumerate(shown):
-        motif = ts.generate_motif(192, style=style, seed=index + 1, repeat=rule, palette=name)
+        motif = ts.motif(192, style=style, seed=index + 1, repeat=rule, palette=name)
         height, width = motif.densities.shape[1:]
         size = (round(150 * height / width), 150)
         pattern = bytes_of(ts.repeat(motif, (2, 2), size=size))
@@ -105,7 +105,7 @@ def kinds() -> None:
     for number in range(1, 81):
         season = SEASONS[number % 4]
         recipe = book_recipe(theme, 3, number, 96)
-        motif = ts.generate_motif(recipe)
+        motif = ts.motif(recipe)
         if motif.densities.shape[1:] != recipe.size:
             continue
         character = measure(motif.image(), resample(unpack_base(recipe.base), "none", recipe.size))
@@ -146,7 +146,7 @@ def products() -> None:
     pictures = []
     for name, rule, seed, colours in shown:
         across = pattern_px(name)
-        motif, other = (ts.generate_motif(128, seed=seed, repeat=of, palette=colours) for of in (rule, "p4g"))
+        motif, other = (ts.motif(128, seed=seed, repeat=of, palette=colours) for of in (rule, "p4g"))
         swatches = []
         for made in (motif, other):
             rows, columns = made.densities.shape[1:]
@@ -172,7 +172,7 @@ def products() -> None:
 
 def drawing() -> None:
     """A corner of a motif: as pixels, and as the SVG that is drawn from it."""
-    motif = ts.generate_motif(128, seed=5, repeat="rotate", palette="sea")
+    motif = ts.motif(128, seed=5, repeat="rotate", palette="sea")
     side, crop = 1280, 420
     document = draw_svg(motif).replace('width="128" height="128"', f'width="{side}" height="{side}"', 1)
     drawn = Image.fromarray(

@@ -82,7 +82,7 @@ def repeats() -> None:
     side = 384
     canvas = Canvas(3 * side + 2 * _GAP, 2 * (side + _FOOT) + _GAP)
     for column, rule in enumerate(("reflect", "translate", "rotate")):
-        motif = ts.generate_motif(replace(start, repeat=rule))
+        motif = ts.motif(replace(start, repeat=rule))
         x = column * (side + _GAP)
         canvas.picture(motif.image((side, side)), x, 0, f"{rule}: the motif")
         canvas.picture(
@@ -176,7 +176,7 @@ def seeds() -> None:
     side, gap = 184, 8
     canvas = Canvas(6 * side + 5 * gap, 4 * side + 3 * gap)
     for index in range(24):
-        motif = ts.generate_motif(160, repeat=rules[index % 12], seed=index)
+        motif = ts.motif(160, repeat=rules[index % 12], seed=index)
         tall = motif.densities.shape[1] > motif.densities.shape[2]
         pattern = ts.repeat(motif, (2, 2), size=(159, 92) if tall else (92, 92))[:side, :side]
         canvas.picture(pattern, index % 6 * (side + gap), index // 6 * (side + gap))

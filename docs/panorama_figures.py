@@ -1,4 +1,5 @@
-"""The steps of ``toposeam stitch`` on two photographs, its projections and its crops, for docs/panoramas.md.
+"""The steps of ``toposeam stitch`` on two photographs, its projections and its crops, for docs/panoramas.md;
+burnt light and scans that lean, for docs/faults.md.
 
 ``python docs/panorama_figures.py`` (needs ``pip install opencv-python-headless``).
 """
@@ -12,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import skimage.data
-from PIL import Image
+from PIL import Image, ImageDraw
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 import toposeam as ts
@@ -21,6 +22,8 @@ from compared_figures import sheet
 DOCS = Path(__file__).resolve().parent
 #: Size of a view of the room, px, its focal length, px, and where the cameras look, degrees.
 ROOM_SIZE, ROOM_FOCAL, YAWS = (480, 640), 460.0, (-48, -16, 16, 48)
+#: How much brighter one view is, so that its walls are burnt.
+BRIGHTER = 1.5
 #: Half the room's width, its depth before the camera, and how far floor and ceiling are, m.
 HALF, DEPTH, FLOOR, CEILING = 2.4, 3.0, 1.5, 1.3
 VIEWS = [DOCS.parent / "samples" / f"portrait_{side}.jpg" for side in ("left", "right")]
@@ -30,6 +33,8 @@ def main() -> None:
     steps()
     crops()
     projections()
+    burnt()
+    scans()
 
 
 def steps() -> None:
@@ -84,6 +89,45 @@ def projections() -> None:
             shown.append((Image.open(folder / f"{name}.png").convert("RGB"), f"--projection {name}"))
         row = [(Image.open(path), f"room_{number}.png") for number, path in enumerate(views)]
     sheet(DOCS / "figures/panoramas-projections.jpg", [row, shown[:2], shown[2:]])
+
+
+def burnt() -> None:
+    """Two views of a room, of which one is so bright that its walls are burnt."""
+    with tempfile.TemporaryDirectory() as scratch:
+        folder, shown = Path(scratch), []
+        views = [folder / "left.png", folder / "right.png"]
+        bright = np.clip(room(16) * BRIGHTER, 0, 255).astype(np.uint8)
+        for path, view in zip(views, (room(-16), bright), strict=True):
+            Image.fromarray(view).save(path)
+        options = {"--blend multiband": ("--blend", "multiband"), "--blend auto, the default": ()}
+        for number, words in enumerate(options.values()):
+            stitched(views, folder / f"{number}.png", *words)
+            shown.append(Image.open(folder / f"{number}.png").convert("RGB"))
+    sheet(DOCS / "figures/panoramas-burnt.jpg", [list(zip(shown, options, strict=True))])
+
+
+def scans() -> None:
+    """A page that lay askew on the scanner, scanned in two parts."""
+    page = Image.new("L", (900, 1100), 248)
+    pen, rng = ImageDraw.Draw(page), np.random.default_rng(3)
+    for top in (top for top in range(90, 1010, 26) if top % 260 < 240):
+        left = 90
+        while left < 790:
+            right = left + int(rng.integers(14, 70))
+            pen.rectangle((left, top, min(right, 800), top + 9), fill=int(rng.integers(40, 80)))
+            left = right + 9
+    page = page.rotate(1.6, Image.Resampling.BICUBIC, fillcolor=235)
+    with tempfile.TemporaryDirectory() as scratch:
+        folder, shown = Path(scratch), []
+        parts = [folder / "top.png", folder / "bottom.png"]
+        page.crop((0, 0, 900, 620)).save(parts[0])
+        page.crop((0, 480, 900, 1100)).save(parts[1])
+        options = {"--as scans": (), "--as scans --straighten": ("--straighten",)}
+        for number, words in enumerate(options.values()):
+            stitched(parts, folder / f"{number}.png", "--as", "scans", "--background", "white", *words)
+            joined = Image.open(folder / f"{number}.png").convert("RGB")
+            shown.append(joined.crop((0, 0, joined.width, joined.height // 2)))
+    sheet(DOCS / "figures/panoramas-scan.jpg", [list(zip(shown, options, strict=True))])
 
 
 def room(yaw: float) -> np.ndarray:

@@ -41,7 +41,7 @@ class Study:
 
     def motifs(self) -> list[ts.motif.Motif]:
         """The row's motifs."""
-        return [ts.generate_motif(SIZE, **(FIXED | options)) for options in self.options]
+        return [ts.motif(SIZE, **(FIXED | options)) for options in self.options]
 
 
 def inked(motif: ts.motif.Motif) -> float:

@@ -60,7 +60,7 @@ def laws() -> None:
         canvas.paste(shown, (0, y))
         pen.text((0, y + side + 4), f"--base-law {law}", font=font(12), fill=_GRAY)
         for column, strength in enumerate(strengths, 1):
-            motif = ts.generate_motif(
+            motif = ts.motif(
                 128,
                 layers=2,
                 seed=4,

@@ -32,7 +32,7 @@ def main() -> None:
             for column, rule in enumerate(RULES):
                 seed, known = next(seeds), ts.motif.STYLES[style].rules
                 chosen = rule if rule in known else known[column % len(known)]
-                motif = ts.generate_motif(160, style=style, repeat=chosen, seed=seed)
+                motif = ts.motif(160, style=style, repeat=chosen, seed=seed)
                 x, y = column * (SIDE + GAP), row * (SIDE + FOOT)
                 sheet.paste(pattern(motif), (x, y))
                 pen.text((x, y + SIDE + 3), f"{style}, {chosen}, seed {seed}", font=font, fill="#78726a")

@@ -54,7 +54,7 @@ def figure_26() -> None:
     """14 × 14 patches of 40 px, from motifs of the variational art algorithm that form a regular pattern when
     they are connected.
     """
-    motifs = [ts.generate_motif(112, repeat="translate", seed=seed).image() for seed in (3, 5, 8)]
+    motifs = [ts.motif(112, repeat="translate", seed=seed).image() for seed in (3, 5, 8)]
     sources = [np.rint(255 * np.tile(motif, (2, 2, 1))[:168, :168]).astype(np.uint8) for motif in motifs]
     save("fig-3.26-textures.jpg", [grown(source, 40, 14) for source in sources], 340)
 

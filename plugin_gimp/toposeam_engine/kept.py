@@ -1,9 +1,13 @@
-"""What the asker keeps, packed, of layers that were joined: their label map and where they have pixels."""
+"""What the asker keeps, packed, of layers that were joined, on the box in which they overlap: their label map
+and where they have pixels. Beyond it each pixel shows the only layer that has one there.
+"""
 
 from __future__ import annotations
 
 import zlib
 from collections.abc import Mapping, Sequence
+from functools import reduce
+from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,8 +16,11 @@ import toposeam as ts
 from toposeam.arrays import Labels, Mask
 from toposeam.images import full_scale
 from toposeam.layers.canvas.canvas import Canvas
-from toposeam.layers.canvas.layer import Box
+from toposeam.layers.canvas.layer import Box, cut
 from toposeam_engine.job import EngineJob
+
+#: What is kept beyond the pixels that layers share, px, so that each layer still reaches beyond the others.
+_MARGIN = 8
 
 
 class Kept(NamedTuple):
@@ -24,18 +31,30 @@ class Kept(NamedTuple):
     layers: list[ts.Layer]
     #: Where the label map begins, px of the asker's canvas.
     at: tuple[int, int]
+    #: The box round the whole layers, there.
+    whole: Box
 
-    def box_of(self, canvas: Canvas) -> Box:
-        """Return the box of a canvas on the label map."""
-        (x, y), (height, width) = canvas.origin, canvas.shape
-        top, left = y - self.at[1], x - self.at[0]
-        return Box(top, left, top + height, left + width)
+    def on(self, canvas: Canvas) -> Labels:
+        """(H, W) int16: the label map on a canvas that may reach beyond what is kept."""
+        labels: Labels = np.full(canvas.shape, -1, np.int16)
+        for index, (place, cover) in enumerate(zip(canvas.places, canvas.covers, strict=True)):
+            labels[place.slices][cover[:, :]] = index
+        common, here = self._common(canvas)
+        labels[here] = self.labels[common.slices]
+        return labels
 
-    def with_labels(self, box: Box, labels: Labels) -> Kept:
-        """Return the same with other labels in a box."""
+    def with_labels(self, canvas: Canvas, labels: Labels) -> Kept:
+        """Return the same with other labels on a canvas, which differ only in what is kept."""
+        common, here = self._common(canvas)
         changed = self.labels.copy()
-        changed[box.slices] = labels
+        changed[common.slices] = labels[here]
         return self._replace(labels=changed)
+
+    def _common(self, canvas: Canvas) -> tuple[Box, tuple[slice, slice]]:
+        """Return what the label map and a canvas share, and its slices on the canvas."""
+        box = _box_of(canvas).moved(-self.at[1], -self.at[0])
+        common = box.shared(Box(0, 0, *self.labels.shape))
+        return common, common.within(box)
 
     def traced(self) -> ts.layers.Composition:
         """Return a composition with the seams of the label map; its pixels are empty."""
@@ -51,13 +70,25 @@ class Kept(NamedTuple):
         packed = zlib.compress(b"".join([counted.tobytes(), *(cover.tobytes() for cover in covers)]), 1)
         height, width = self.labels.shape
         layers = [[*layer.at, *layer.image.shape[1::-1], layer.name] for layer in self.layers]
+        whole = [self.whole.left, self.whole.top, *self.whole.shape[::-1]]
         about = {"width": width, "height": height, "dtype": str(np.dtype(dtype)), "at": list(self.at)}
-        return {**job.write(np.frombuffer(packed, np.uint8)[None]), **about, "layers": layers}
+        return {**job.write(np.frombuffer(packed, np.uint8)[None]), **about, "layers": layers, "whole": whole}
 
 
 def kept_of(layers: Sequence[ts.Layer], labels: Labels, canvas: Canvas) -> Kept:
     """Return what is kept of layers on their canvas."""
-    return Kept(labels, list(layers), canvas.origin)
+    pairs = [one.shared(other) for one, other in combinations(canvas.places, 2)]
+    overlaps = [box for box in pairs if all(box.shape)] or [canvas.box]
+    near = reduce(Box.around, overlaps).grown(_MARGIN).shared(canvas.box)
+    parts = [part for place in canvas.places if all((part := place.shared(near)).shape)]
+    box = reduce(Box.around, parts)
+    (left, top), inside = canvas.origin, []
+    for layer, place, cover in zip(layers, canvas.places, canvas.covers, strict=True):
+        part = place.shared(box)
+        if not all(part.shape):  # a transparent pixel keeps its number
+            part = Box(box.top, box.left, box.top + 1, box.left + 1)
+        inside.append(_empty(cut(cover, place, part), (left + part.left, top + part.top), layer.name))
+    return Kept(labels[box.slices], inside, (left + box.left, top + box.top), _box_of(canvas))
 
 
 def unpacked(job: EngineJob, about: Mapping[str, Any]) -> Kept:
@@ -71,7 +102,19 @@ def unpacked(job: EngineJob, about: Mapping[str, Any]) -> Kept:
     for x, y, width, height, name in about.get("layers", ()):
         begin, end = end, end + -(-width * height // 8)
         cover: Mask = np.unpackbits(content[begin:end], count=width * height).reshape(height, width) > 0
-        empty = np.broadcast_to(np.uint8(0), cover.shape)
-        alpha = None if cover.all() else np.where(cover, full_scale(empty.dtype), empty)
-        layers.append(ts.Layer(empty, alpha=alpha, at=(x, y), name=name))
-    return Kept(labels, layers, (int(about["at"][0]), int(about["at"][1])))
+        layers.append(_empty(cover, (x, y), name))
+    at = int(about["at"][0]), int(about["at"][1])
+    left, top, width, height = about.get("whole", [*at, *shape[::-1]])
+    return Kept(labels, layers, at, Box(top, left, top + height, left + width))
+
+
+def _empty(cover: Mask, at: tuple[int, int], name: str) -> ts.Layer:
+    """Return a layer without colours that has pixels where a mask says."""
+    empty = np.broadcast_to(np.uint8(0), cover.shape)
+    alpha = None if cover.all() else np.where(cover, full_scale(empty.dtype), empty)
+    return ts.Layer(empty, alpha=alpha, at=at, name=name)
+
+
+def _box_of(canvas: Canvas) -> Box:
+    """Return the box of a canvas in px of the asker's."""
+    return canvas.box.moved(canvas.origin[1], canvas.origin[0])

@@ -14,8 +14,10 @@ import numpy.typing as npt
 import toposeam as ts
 from toposeam.arrays import Image, Mask
 from toposeam.images import box_of, full_scale
-from toposeam.layers.canvas.canvas import Canvas
+from toposeam.layers.blending import Blender
+from toposeam.layers.canvas.canvas import Canvas, channel_count, paint
 from toposeam.layers.canvas.layer import Box
+from toposeam.layers.canvas.tile_map import blocks
 from toposeam_engine.job import EngineJob
 
 
@@ -131,7 +133,7 @@ def changes_of(
     transparent; None if there are none. With a box of the canvas it is the raster of that.
     """
     box = canvas.box if within is None else within
-    image, alpha = found.window(*box.slices)
+    image, alpha = found.window(*box.slices) if within is None else _painted(found, box)
     labels, changed = found.label_map[box.slices], np.zeros(box.shape, bool)
     for index, layer in enumerate(layers):
         place = canvas.place(layer)
@@ -148,3 +150,16 @@ def changes_of(
     top, left = box.top + (kept[0].start or 0), box.left + (kept[1].start or 0)
     raster = job.write(with_alpha(image[kept], np.where(changed[kept], alpha[kept], image.dtype.type(0))))
     return {**raster, "at": [canvas.origin[0] + left, canvas.origin[1] + top]}
+
+
+def _painted(found: ts.layers.Composition, box: Box) -> tuple[Image, Image]:
+    """Return the pixels and the opacity of a composite in a box of its canvas. Only the box is blended; a
+    window of the composite blends whole blocks.
+    """
+    canvas, labels = found.canvas, found.label_map
+    blender, channels = Blender(canvas, labels, found.blending, tuple), channel_count(canvas.layers)
+    image, alpha = paint(canvas.layers, canvas.places, labels[box.slices], box, channels)
+    for tile in blocks(box):
+        here = tile.within(box)
+        blender.blend(tile, image[here], alpha[here])
+    return image, alpha

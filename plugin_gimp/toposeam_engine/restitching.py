@@ -11,6 +11,7 @@ import numpy as np
 
 import toposeam as ts
 from toposeam.arrays import Labels
+from toposeam.images import box_of
 from toposeam.layers.canvas.canvas import Canvas
 from toposeam.layers.canvas.layer import Box, cut
 from toposeam.vector.svg import SvgSeam
@@ -53,27 +54,30 @@ def restitch(job: EngineJob) -> dict[str, Any]:
     if painted is not None:
         wanted[painted] = shown[painted]
     masks = [before == index for index in range(len(layers))]
-    found = ts.layers.restitch(layers, masks, paths, fixed=wanted, **options)
+    found = ts.layers.restitch(layers, masks, paths, fixed=wanted, cut_out=within is not None, **options)
     if job.request.get("look"):
         return {"places": _places(found, canvas)}
     labels, searched = found.label_map, found.solution.method not in ("masks", "path")
     job.progress(0.6)
-    now, inner = kept_of(layers, labels, canvas), None
-    if within is not None and known is not None:
+    blends, near = options.get("blend", "none") != "none", None
+    if within is None or known is None:
+        now = kept_of(layers, labels, canvas)
+    else:
         inner = within.moved(-canvas.origin[1], -canvas.origin[0]).shared(canvas.box)
-        rows, columns = (np.flatnonzero((labels != before).any(axis=axis)) for axis in (1, 0))
-        if rows.size and Box(rows[0], columns[0], rows[-1] + 1, columns[-1] + 1).around(inner) != inner:
-            return {"again": True}
-        now = known.with_labels(known.box_of(canvas), labels)
-    blended = None
-    if options.get("blend", "none") != "none":
-        blended = changes_of(job, layers, found, canvas, inner)
+        now, changed = known.with_labels(canvas, labels), labels != before
+        searched = bool(changed.any())
+        if searched:
+            near = Box.of(*box_of(changed))
+            if near.around(inner) != inner:
+                return {"again": True}
+            near = near.grown(found.blending.margin).shared(inner)
+        blends = blends and searched
     result = {
-        "masks": masks_of(job, layers, labels, canvas, every=inner is not None),
-        "blended": blended,
+        "masks": masks_of(job, layers, labels, canvas, every=within is not None),
+        "blended": changes_of(job, layers, found, canvas, near) if blends else None,
         "labels": now.pack(job),
         "margin": [found.blending.margin, found.blending.grid],
-        "seams": _seams(found if inner is None else now.traced(), job.request["seams"]) if searched else None,
+        "seams": _seams(now.traced() if within else found, job.request["seams"]) if searched else None,
         "hints": _hints(job, canvas, wanted) if painted is not None and painted.any() else None,
         "beyond": _beyond(job, layers, wanted, labels, canvas),
     }
@@ -109,10 +113,9 @@ def _shown(job: EngineJob, layers: Sequence[ts.Layer], canvas: Canvas) -> Labels
 
 def _written(known: Kept, canvas: Canvas, *, whole: bool) -> Labels | None:
     """(H, W): the labels of the masks as they were written; None if layers were moved since."""
-    box = known.box_of(canvas)
-    if whole and (known.at != canvas.origin or known.labels.shape != canvas.shape):
+    if whole and known.whole != canvas.box.moved(canvas.origin[1], canvas.origin[0]):
         return None
-    return known.labels[box.slices]
+    return known.on(canvas)
 
 
 def _strokes(job: EngineJob, canvas: Canvas) -> Labels:

@@ -1,5 +1,6 @@
 """What the engine answers: layers joined, joined again, aligned."""
 
+import dataclasses
 import io
 import re
 
@@ -11,7 +12,8 @@ from scipy import ndimage
 import toposeam as ts
 from toposeam.layers.registration import Residual
 from toposeam_cli.commands.stitch import stitch
-from toposeam_engine import serving
+from toposeam_engine import kept, serving
+from toposeam_engine.job import EngineJob
 from toposeam_engine.places import PlacedLayers
 from toposeam_engine.standing_out import standing_out
 from toposeam_gimp.entries.seams import SEAM_ENTRIES
@@ -134,6 +136,30 @@ def test_strokes_for_one_layer_leave_the_other_free(request_folder, pair):
     seen = request_folder.seen(result["masks"], PLACES, (35, 60))
     assert (seen[12:16, 30:36] == 0).all()
     assert (seen == 1).any()
+
+
+@pytest.mark.parametrize("places", [[(0, 0), (30, 4), (70, 0)], [(0, 0), (20, 9), (5, 60)]])
+def test_what_is_kept_of_layers_is_where_they_overlap(tmp_path, places):
+    rng = np.random.default_rng(7)
+    layers = [ts.Layer(rng.random((30, 44)), at=at, name=str(at)) for at in places]
+    layers[1] = dataclasses.replace(layers[1], alpha=np.where(np.tri(30, 44, 40) > 0, 1.0, 0.0))
+    canvas = ts.layers.common_canvas(layers)
+    labels = np.full(canvas.shape, -1, np.int16)
+    for index, (place, cover) in enumerate(zip(canvas.places, canvas.covers, strict=True)):
+        here = labels[place.slices]
+        here[cover & ((here < 0) | (np.arange(cover.shape[1]) > 7))] = index
+    job = EngineJob(folder=tmp_path, request={}, progress=lambda _share: None)
+    again = kept.unpacked(job, kept.kept_of(layers, labels, canvas).pack(job))
+    assert again.labels.size < labels.size
+    np.testing.assert_array_equal(again.on(canvas), labels)
+    masks = [labels == index for index in range(3)]
+    whole = ts.layers.restitch(layers, masks, {})
+    traced = again.traced()
+    assert traced.pairs == whole.pairs
+    for own, wanted in zip(traced.outlines, whole.outlines, strict=True):
+        shift = np.subtract(traced.origin, whole.origin)
+        for line, other in zip(own.paths, wanted.paths, strict=True):
+            np.testing.assert_array_equal(line.points + shift, other.points)
 
 
 def test_progress_rises_to_the_end(request_folder):

@@ -205,7 +205,7 @@ class Fuzzer:
                 )
         if name == "generate_motif" and careful:
             keywords |= {"iterations": 2, "layers": 1}
-        if name == "join_motifs" and keywords.get("stages") == 8:
+        if name == "join_motifs" and str(keywords.get("stages")) == "8":
             keywords["stages"] = 4  # eight, of forty iterations each, take 19 s
         between = keywords.get("between")
         if name == "join_motifs" and isinstance(between, int) and 1 < between < 100:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from inside import covers_once, mask_of, refused, shown, succeeded
 from pictures import photograph, write_png
-from running import needs_gimp
+from running import CHECKOUT, needs_gimp
 
 needs_gimp()
 
@@ -298,3 +298,35 @@ def test_a_selected_part_is_a_patch_that_takes_strokes(gimp, image, samples):
     names = [layer["name"] for layer in gimp.tree(image=loaded["image"])["layers"]]
     assert "Seam hints" in names
     assert any(name.startswith("Patch of ") for name in names)
+
+
+#: Strokes of a pixel each, and the tiles that are found to have changed.
+PIXELS = """
+import sys
+if plug_ins not in sys.path:
+    sys.path.insert(0, plug_ins)
+from toposeam_gimp.image import pixels
+image = Gimp.Image.new_with_precision(*size, Gimp.ImageBaseType.RGB, getattr(Gimp.Precision, precision))
+layer = Gimp.Layer.new(image, "strokes", *size, Gimp.ImageType.RGBA_IMAGE, 60, Gimp.LayerMode.NORMAL)
+image.insert_layer(layer, None, 0)
+answer = [pixels.tile_sums(layer)]
+for x, y in points:
+    before = pixels.tile_sums(layer)
+    layer.get_buffer().set(Gegl.Rectangle.new(x, y, 1, 1), "R'G'B'A u8", bytes([51, 108, 222, 80]))
+    layer.get_buffer().flush()
+    layer.update(x, y, 1, 1)
+    after = pixels.tile_sums(layer)
+    answer.append([corner for corner in after if before.get(corner) != after[corner]])
+image.delete()
+"""
+
+
+@pytest.mark.parametrize("precision", ["U8_NON_LINEAR", "FLOAT_LINEAR"])
+@pytest.mark.parametrize("size", [(4608, 300), (4611, 519)])
+def test_a_pixel_of_a_stroke_is_noticed_anywhere(gimp, size, precision):
+    points = [(0, 0), (255, 255), (256, 256), (4095, 9), (4096, 8), (4607, 7), (size[0] - 1, size[1] - 1)]
+    points = [(x, min(y, size[1] - 1)) for x, y in points]
+    about = {"plug_ins": str(CHECKOUT / "plugin_gimp"), "size": size, "precision": precision}
+    blank, *found = gimp.python(code=PIXELS, points=points, **about)
+    assert blank == {}
+    assert found == [[f"{x // 256 * 256},{y // 256 * 256}"] for x, y in points]

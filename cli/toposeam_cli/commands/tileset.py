@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 
 import toposeam as ts
+from toposeam.sentence import printable
 from toposeam_cli.app.command import Command, option
 from toposeam_cli.app.options import FILE, MEGAPIXELS, OUTPUT, force_option, quiet_option
 from toposeam_cli.app.progress import say, share_bar
@@ -126,7 +127,7 @@ def tileset(
             progress=progress,
             **maps.keywords(samples[0], weights_of(len(names))),
         )
-    called = [path.stem for path in (first, second)]
+    called = [printable(path.stem) for path in (first, second)]
     with new_folder(output), all_or_nothing():
         write_picture(output / _SHEET, dataclasses.replace(samples[0], pixels=made.image), force)
         for name, one in zip(names, maps.made(made), strict=True):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Unpack
 
 import numpy as np
@@ -83,12 +84,17 @@ class Animation:
             if motif.edges[index] == "soft":
                 grown = grown * np.float32(min(share / _FADE, 1.0))
             layers.append(np.asarray((1 - finished) * grown + finished * layer, np.float32))
-            at, gain = motif.ends(index)
+            at, gain = self._ends[index]
             first = max(at, _FIRST_LEVEL, _ABOVE_MEAN * motif.recipe.layers[index].mass)
             levels.append((first + (at - first) * share, gain))
         grown_up = make_motif(motif.recipe, layers, list(motif.history))
         values = {field.name: getattr(grown_up, field.name) for field in fields(Motif)}
         return GrowingMotif(**values, levels=tuple(levels))
+
+    @cached_property
+    def _ends(self) -> tuple[tuple[float, np.float32], ...]:
+        """Where the strokes of the finished motif's layers end; see :meth:`Motif.ends`."""
+        return tuple(map(self.motif.ends, range(len(self.motif.inks))))
 
     def _layer(self, index: int, share: float) -> Floats32:
         """Interpolate a layer's density between two iterations, on the whole cell."""

@@ -3,7 +3,8 @@
 A border may be more conspicuous than lines inside by chance, if no stroke or a thick one lies there. Where it
 is (`border_visibility` above 1), the strokes along it are widened or thinned a little: densities are
 multiplied by a factor that fades out to both sides. The factor is chosen so that the mean of the printed rows
-at the border equals that of the rows beside it.
+at the border equals that of the rows beside it. Where that does not do, those rows change as well, the other
+way.
 
 Motifs that share no border and lie beside each other in any order may also differ in darkness there, and the
 step shows as a line. Where it does, the tone of each motif fades into the mean tone of all towards the
@@ -25,7 +26,7 @@ from toposeam.motif.ink.stroke_edges import coverage_beyond, level
 from toposeam.motif.motif import Motif
 from toposeam.motif.optimise.conduction import MIN_DENSITY
 from toposeam.motif.optimise.hexagonal_lattice import tile_size, to_tile
-from toposeam.motif.recipe.recipe import Recipe
+from toposeam.motif.recipe.recipe import LayerRecipe, Recipe
 from toposeam.motif.symmetry.borders import compared_distance, line_visibility
 from toposeam.motif.symmetry.rules import HEXAGONAL, symmetry
 from toposeam.motif.symmetry.tiling import period, tile
@@ -46,7 +47,9 @@ _TONE_DEPTH = 4
 #: Half the width of the changed band in wash that joins, in units of `compared_distance`.
 _WASH_WIDTH = 4.0
 #: Half the width of the changed band in each round, in units of `compared_distance`: narrow first, then wide.
-_BAND_WIDTHS = (1.0, 1.0, *(3.0,) * 8)
+#: The second number is the change, the other way, of the rows that a border is compared with, as its share:
+#: where nothing lies on a border, no factor on it helps.
+_ROUNDS = (*((1.0, 0.0),) * 2, *((3.0, 0.0),) * 8, *((1.0, 1.0),) * 6)
 
 
 def smooth_borders(
@@ -68,7 +71,7 @@ def smooth_borders(
     prints = [_laid(motif, index) for index in range(len(densities))]
     best, planes = motif, _visibilities(motif, prints)
     layers, least = list(densities), planes.max()
-    for width in _BAND_WIDTHS:
+    for width, beside in _ROUNDS:
         if least <= 1:
             break
         changed = set[int]()
@@ -77,9 +80,7 @@ def smooth_borders(
             for index in np.flatnonzero(own) if own.any() else range(len(layers)):
                 layer = recipe.layers[index]
                 changed.add(int(index))
-                layers[index] = _evened_border(
-                    layers[index], int(axis), layer.mass, layer.edge, recipe.repeat, width
-                )
+                layers[index] = _evened_border(layers[index], int(axis), layer, recipe.repeat, width, beside)
         motif = make(layers)
         for index in changed:
             prints[index] = _laid(motif, index)
@@ -109,13 +110,14 @@ def _visibilities(motif: Motif, prints: Sequence[Floats32]) -> Floats:
 
 
 def _evened_border(
-    density: Floats32, axis: int, mass: float, edge: str, repeat: str, width: float
+    density: Floats32, axis: int, layer: LayerRecipe, repeat: str, width: float, beside: float
 ) -> Floats32:
     """Move a density half way towards one whose print is equal along a border and beside it."""
-    bump, before = border_weight(density.shape, axis, repeat, width), density.astype(np.float64)
-    (balanced,) = _balance([before], bump, axis, [partial(_print, edge=edge, repeat=repeat)], repeat)
+    bump = border_weight(density.shape, axis, repeat, width, beside)
+    before = density.astype(np.float64)
+    (balanced,) = _balance([before], bump, axis, [partial(_print, edge=layer.edge, repeat=repeat)], repeat)
     changed = np.sqrt(balanced * before)
-    scaled: Floats32 = np.clip(changed * (mass / changed.mean()), MIN_DENSITY, 1.0).astype(np.float32)
+    scaled: Floats32 = np.clip(changed * (layer.mass / changed.mean()), MIN_DENSITY, 1.0).astype(np.float32)
     return scaled
 
 
@@ -145,10 +147,12 @@ def _print(density: Floats, edge: str, repeat: str, at: float | None = None) -> 
     return inside if edge == "crisp" else inside * field
 
 
-def border_weight(shape: tuple[int, ...], axis: int, repeat: str, width: float = 1.0) -> Floats:
+def border_weight(
+    shape: tuple[int, ...], axis: int, repeat: str, width: float = 1.0, beside: float = 0.0
+) -> Floats:
     """Return a weight that is 1 in the mean on the border and falls to 0 at the rows it is compared with.
 
-    The weight is averaged over the rule's orbits.
+    On those it is minus `beside`. The weight is averaged over the rule's orbits.
     """
     h, w = shape
     if repeat in HEXAGONAL:
@@ -160,8 +164,14 @@ def border_weight(shape: tuple[int, ...], axis: int, repeat: str, width: float =
         place = (np.arange(side)[:, np.newaxis] + 0.5) / side
         place = place if axis == 0 else place.T
     away = np.minimum(place, 1 - place) * side
-    bump = 0.5 + 0.5 * np.cos(np.pi * np.clip(away / (width * compared_distance(side) + 0.5), 0, 1))
-    spread = symmetry(repeat, (h, w)).mean(np.broadcast_to(bump, (h, w)).astype(np.float64))
+    reach = compared_distance(side)
+
+    def bump(distance: Floats) -> Floats:
+        found: Floats = 0.5 + 0.5 * np.cos(np.pi * np.clip(distance / (width * reach + 0.5), 0, 1))
+        return found
+
+    weight = bump(away) - beside * bump(np.abs(away - reach)) if beside else bump(away)
+    spread = symmetry(repeat, (h, w)).mean(np.broadcast_to(weight, (h, w)).astype(np.float64))
     on_border = np.broadcast_to(away <= away.min(), (h, w))
     return spread / float(spread[on_border].mean())
 

@@ -389,7 +389,7 @@ def random_recipe(
         drawn_ambient = high_ambient - (high_ambient - low_ambient) * float(draw.random()) ** 2
         drawn_penalty = _drawn_penalty(like, draw, one_piece)
         aspect = shape[1] / shape[0]
-        laid = lay_spots(like.lay, draw, seed, (low, high), aspect) if free else None
+        laid = lay_spots(like.lay, draw, seed, (low, high), aspect, repeat) if free else None
         inside = composed.inside(index)
         given = spots(
             _layer_points(sources, index, layers, "sources"),

@@ -35,7 +35,7 @@ from toposeam.motif.border_smoothing import (
     smooth_row_borders,
     smooth_wash_borders,
 )
-from toposeam.motif.generate import make_motif
+from toposeam.motif.generate import MAX_MEGAPIXELS, check_work, make_motif
 from toposeam.motif.ink.stroke_repair import repair_strokes
 from toposeam.motif.motif import Motif
 from toposeam.motif.optimise.compound import JoinOptions, Member, generate_row
@@ -62,6 +62,8 @@ _EVEN_ENOUGH, _LAID = 0.85, 8
 #: logarithms of the factors that are tried on it.
 _TRIED_WIDTHS = (4.0, 2.0)
 _TRIED_POWERS = (-0.2, -0.1, -0.05, 0.05, 0.1, 0.2)
+#: Most motifs of a row, new ones included.
+_MOST_MOTIFS = 100
 #: Default width of the border that motifs share, as a share of the cell's shorter side.
 _SHARED_BORDER = 0.03
 
@@ -193,7 +195,8 @@ def join_motifs(
     weight : float
         w in [0, 1]: with 0 every motif is optimised alone, with 1 only the compound motifs count.
     stages : int
-        1 for one motif per recipe; each further stage puts new motifs between neighbours.
+        1 for one motif per recipe; each further stage puts new motifs between neighbours. N recipes make
+        1 + (N - 1) (1 + `between`)^(stages - 1) motifs, which must not be more than 100.
     between : int
         Number of new motifs that a stage puts between two neighbours.
     shared : int
@@ -210,7 +213,7 @@ def join_motifs(
     Raises
     ------
     OptionError
-        When the recipes do not fit each other, or an option is out of range.
+        When the recipes do not fit each other, an option is out of range, or there is too much to do.
 
     Examples
     --------
@@ -308,14 +311,16 @@ def _with_even_borders(
 
     Where a border shows more than the lines inside, all motifs get a common factor along it, and the best of
     some factors is kept. Where that is not enough, each of the `first` motifs gets one of its own beside the
-    `shared` rows. The `first` motifs alone say which, so that further stages do not change them.
+    `shared` rows, and a second one when the others have theirs. The `first` motifs alone say which, so that
+    further stages do not change them.
     """
     own = list(compress(range(len(first)), first))
     motifs = made(layers)
     for index in range(len(layers)):
         shape, repeat = layers[index][0].shape, motifs[0].repeat
         for axis in (0, 1):
-            worst = _laid_visibility([motifs[each] for each in own], index, axis)
+            seeds = list(range(_LAID))
+            worst = _laid_visibility([motifs[each] for each in own], index, axis, seeds)
             beside = beside_weight(shape, axis, shared)
             everyone = list(range(len(first)))
             changes = [(border_weight(shape, axis, repeat, width), everyone) for width in _TRIED_WIDTHS]
@@ -334,7 +339,7 @@ def _with_even_borders(
                         for each, one in enumerate(before)
                     ]
                     found = made(tried)
-                    shown = _laid_visibility([found[each] for each in own], index, axis)
+                    shown = _laid_visibility([found[each] for each in own], index, axis, seeds, worst)
                     if shown < worst:
                         motifs, layers, worst = found, tried, shown
     return motifs
@@ -348,14 +353,22 @@ def _scaled(density: npt.NDArray[np.float32], factor: Floats, repeat: str) -> np
     return symmetry(repeat, shape).mean(restored).astype(np.float32)
 
 
-def _laid_visibility(motifs: list[Motif], layer: int, axis: int) -> float:
-    """Compute how far borders across an axis show, as lines or as edges, of one ink, in random patterns."""
+def _laid_visibility(
+    motifs: list[Motif], layer: int, axis: int, seeds: list[int], below: float = np.inf
+) -> float:
+    """Compute how far borders across an axis show at worst, as lines or edges of one ink, in random patterns.
+
+    It ends at the first pattern that shows them as much as `below`, whose seed becomes the first of `seeds`.
+    """
     worst = 0.0
-    for seed in range(_LAID):
+    for seed in seeds:
         inked = arrange(motifs, (4, 4), seed=seed).coverage_of(layer)
         side = motifs[0].densities.shape[1 + axis]
         inked = inked if axis == 0 else inked.T
         worst = max(worst, line_visibility(inked, side), edge_visibility(inked, side))
+        if worst >= below:
+            seeds.sort(key=lambda each: each != seed)
+            break
     return worst
 
 
@@ -396,8 +409,10 @@ def _check_recipes(recipes: Sequence[Recipe], weight: float, stages: int, betwee
     check_whole("stages", stages, 1, 10)
     check_whole("between", between, 1, 10)
     check_whole("shared", shared, 0, min(recipes[0].size))
+    _check_count(len(recipes), stages, between)
     first = recipes[0]
     for recipe in recipes:
+        check_work(recipe, MAX_MEGAPIXELS)
         composed = {"outline": recipe.outline, "knock_out": recipe.knock_out, "one_piece": recipe.one_piece}
         composed["scale"] = any(layer.scale > 1 for layer in recipe.layers)
         for name, value in composed.items():
@@ -447,3 +462,28 @@ def _check_recipes(recipes: Sequence[Recipe], weight: float, stages: int, betwee
                 kind="unlike",
                 parameter=Term("layers"),
             )
+
+
+def _check_count(given: int, stages: int, between: int) -> None:
+    """Refuse a row of too many motifs."""
+    if given > _MOST_MOTIFS:
+        raise OptionError(
+            "{value} recipes were given, more than {allowed}; join fewer",
+            kind="too large",
+            parameter=Term("recipes"),
+            value=given,
+            allowed=_MOST_MOTIFS,
+        )
+    count = 1 + (given - 1) * (1 + between) ** (stages - 1)
+    if count > _MOST_MOTIFS:
+        raise OptionError(
+            "{value} stages with {between} new motifs between two make {count} of {given}, more than "
+            "{allowed}; ask for fewer stages, or for fewer motifs between",
+            kind="too large",
+            parameter=Term("stages"),
+            value=stages,
+            allowed=_MOST_MOTIFS,
+            between=between,
+            given=given,
+            count=count,
+        )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from typing import Any
@@ -56,8 +56,12 @@ def put_mask(folder: RequestFolder, layer: Gimp.Layer, raster: dict[str, Any] | 
         layer.set_edit_mask(False)
 
 
-def put_mask_part(folder: RequestFolder, layer: Gimp.Layer, raster: Options, box: pixels.Box) -> None:
-    """Give a layer a new mask that differs from the one it may have in a box of the canvas."""
+def put_mask_part(
+    folder: RequestFolder, layer: Gimp.Layer, raster: Options, box: pixels.Box, tiles: Iterable[str]
+) -> None:
+    """Give a layer a new mask that differs from the one it may have in a box of the canvas. That one has
+    pixels that are not white in some tiles.
+    """
     (left, top), old = pixels.place_of(layer), layer.get_mask()
     at, name = (box[0] - left, box[1] - top), pixels.Format.MASK_U8.value
     content, place = (folder.path / raster["file"]).read_bytes(), Gegl.Rectangle.new(*at, *box[2:])
@@ -65,7 +69,7 @@ def put_mask_part(folder: RequestFolder, layer: Gimp.Layer, raster: Options, box
     if content == (before or bytes([255]) * len(content)):
         return
     mask = layer.create_mask(Gimp.AddMaskType.WHITE)
-    pixels.receive_onto(folder, raster, mask, name, at, old)
+    pixels.receive_onto(folder, raster, mask, name, at, old, tiles=tiles)
     if old is not None:
         layer.remove_mask(Gimp.MaskApplyMode.DISCARD)
     layer.add_mask(mask)

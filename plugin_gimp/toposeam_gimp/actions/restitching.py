@@ -75,7 +75,7 @@ def restitch(call: Call) -> Gimp.Layer:
             if answer.get("again"):
                 continue
             with one_undo_step(image) as undone:
-                blended = _put(folder, call, group, layers, memory, answer, sent)
+                blended = _put(folder, call, group, layers, memory, answer, sent, now["masks"])
                 seams = memory["seams"]
                 if answer["seams"] is not None:
                     seams = _redrawn(call, seams, answer["seams"], undone)
@@ -108,16 +108,18 @@ def _put(
     memory: Mapping[str, Any],
     answer: Mapping[str, Any],
     sent: pixels.Box | None,
+    sums: Sequence[Any],
 ) -> Gimp.Layer | None:
     """Give the layers of a group their new masks, and it its blended pixels; or those within the box of the
-    canvas that was sent. Return the layer of blended pixels, if there is one.
+    canvas that was sent. `sums` holds the checksums of the old masks. Return the layer of blended pixels, if
+    there is one.
     """
-    for layer, mask in zip(layers, answer["masks"][-len(layers) :], strict=True):
+    for layer, mask, old_mask in zip(layers, answer["masks"][-len(layers) :], sums, strict=True):
         box = pixels.common(pixels.layer_box(layer), sent)
         if sent is None:
             put_mask(folder, layer, mask)
         elif box is not None:
-            put_mask_part(folder, layer, mask, box)
+            put_mask_part(folder, layer, mask, box, old_mask[2])
     old = memory["blended"] and call.image.get_layer_by_tattoo(memory["blended"])
     if sent is None and old:
         call.image.remove_layer(old)

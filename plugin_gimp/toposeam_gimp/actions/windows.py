@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from itertools import permutations
 from typing import Any, NamedTuple
 
 from gi.repository import Gimp
@@ -49,10 +50,13 @@ def window_of(
     ]
     if strokes is not None:
         sums.append((strokes, memory.get("strokes", {}), now["strokes"]))
+    boxes = [pixels.layer_box(layer) for layer in layers]
+    if any(pixels.common(one, other) == one for one, other in permutations(boxes, 2)):  # keeps its middle
+        return None
     news = [box for one in sums if (box := pixels.changed_box(*one)) is not None]
     if not news:
         return None
-    whole, box = pixels.around([pixels.layer_box(layer) for layer in layers]), pixels.around(news)
+    whole, box = pixels.around(boxes), pixels.around(news)
     depends, grid = margin
     within = pixels.grown(box, max(_LEAST_MARGIN, max(box[2:]) // 2) + 2 + depends)
     left, top, width, height = pixels.grown(within, depends + _LOOK)

@@ -19,8 +19,9 @@ from toposeam_gimp.image.seen import as_seen
 _ROWS = 256
 #: Longest side of the reduced copy in which opacity is tested, px.
 _LOOK = 512
-#: Side of the tiles in which strokes are searched, px.
-_TILE = 256
+#: Side of the tiles in which strokes are searched, px; by what they are reduced, so that a single pixel still
+#: counts; and the longest side of a part that GIMP reduces, px.
+_TILE, _DIVISOR, _LONGEST = 256, 4, 4096
 _BYTES = {"uint8": 1, "uint16": 2, "float32": 4}
 
 
@@ -231,25 +232,51 @@ def tile_sums(
 ) -> dict[str, int]:
     """Return the checksum of each tile of strokes or of a mask that is not blank, transparent black or white,
     by the tile's corner in its own pixels, ``left,top``; empty without a drawable. Beyond a box of its pixels
-    the known ones are kept.
+    the known ones are kept. Strokes are large and mostly blank: they are read reduced, which GIMP does fast.
     """
     if drawable is None:
         return {}
     is_mask = isinstance(drawable, Gimp.LayerMask)
     name, blank = (Format.MASK_U8.value, 255) if is_mask else (Format.RGBA_U8.value, 0)
     sums, buffer = dict(known or {}), drawable.get_buffer()
+    reduced = {} if is_mask else _reduced_tiles(drawable)
     width, height = drawable.get_width(), drawable.get_height()
     for top in range(0, height, _TILE):
         for left in range(0, width, _TILE):
             tile = left, top, min(_TILE, width - left), min(_TILE, height - top)
             if common(tile, box) is None:
                 continue
-            content = buffer.get(Gegl.Rectangle.new(*tile), 1.0, name, Gegl.AbyssPolicy.NONE)
-            corner, found = f"{left},{top}", zlib.crc32(content)
+            corner = f"{left},{top}"
+            content = reduced.get(corner)
+            if content is None:
+                content = buffer.get(Gegl.Rectangle.new(*tile), 1.0, name, Gegl.AbyssPolicy.NONE)
+            found = zlib.crc32(content)
             sums.pop(corner, None)
             if found != _sum_of_blank(blank, len(content)):
                 sums[corner] = found
     return sums
+
+
+def _reduced_tiles(layer: Gimp.Layer) -> dict[str, bytes]:
+    """Return the reduced pixels of each tile of a layer, in GIMP's format, by its corner; without tiles at
+    the edges whose sides are no multiples of the divisor.
+    """
+    tiles, side = {}, _TILE // _DIVISOR
+    size = [length // _DIVISOR * _DIVISOR for length in (layer.get_width(), layer.get_height())]
+    whole = size == [layer.get_width(), layer.get_height()]
+    for top in range(0, size[1], _LONGEST):
+        for left in range(0, size[0], _LONGEST):
+            box = left, top, min(_LONGEST, size[0] - left), min(_LONGEST, size[1] - top)
+            seen, wide, high, depth = layer.get_sub_thumbnail_data(*box, *(n // _DIVISOR for n in box[2:]))
+            content, stride = seen.get_data(), wide * depth
+            for row in range(0, high, side):
+                lines = [content[at * stride : (at + 1) * stride] for at in range(row, min(row + side, high))]
+                for begin in range(0, stride, side * depth):
+                    tile = b"".join(line[begin : begin + side * depth] for line in lines)
+                    corner = left + begin // depth * _DIVISOR, top + row * _DIVISOR
+                    if whole or all(at + _TILE <= end for at, end in zip(corner, size, strict=True)):
+                        tiles[f"{corner[0]},{corner[1]}"] = tile
+    return tiles
 
 
 def tiles_of(strokes: Gimp.Layer) -> dict[str, bytes]:
@@ -327,15 +354,17 @@ def receive_onto(
     at: tuple[int, int],
     old: Gimp.Drawable | None = None,
     shift: tuple[int, int] = (0, 0),
+    tiles: Iterable[str] | None = None,
 ) -> None:
-    """Fill a new drawable with the pixels of an old one, moved by px, if there is one, and then a box that
-    begins at some px with those of a raster.
+    """Fill a new drawable with the pixels of an old one, or some tiles of it, moved by px, if there is one,
+    and then a box that begins at some px with those of a raster.
     """
     buffer = new.get_buffer()
     if old is not None:
-        size = old.get_width(), old.get_height()
-        own, moved = Gegl.Rectangle.new(0, 0, *size), Gegl.Rectangle.new(*shift, *size)
-        old.get_buffer().copy(own, Gegl.AbyssPolicy.NONE, buffer, moved)
+        whole = [(0, 0, old.get_width(), old.get_height())]
+        for x, y, *size in whole if tiles is None else (box_of_tiles(old, [tile]) for tile in tiles):
+            own, moved = (Gegl.Rectangle.new(x + right, y + down, *size) for right, down in ((0, 0), shift))
+            old.get_buffer().copy(own, Gegl.AbyssPolicy.NONE, buffer, moved)
     box = Gegl.Rectangle.new(*at, raster["width"], raster["height"])
     buffer.set(box, format_name, (folder.path / raster["file"]).read_bytes())
     buffer.flush()

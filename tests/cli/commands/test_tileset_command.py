@@ -1,9 +1,11 @@
 """`toposeam tileset`: the files of a set, as Tiled and Godot read them."""
 
 import json
+import os
 import re
 import shutil
 import subprocess
+import sys
 from xml.etree import ElementTree
 
 import numpy as np
@@ -91,6 +93,17 @@ def test_tiled_itself_reads_and_draws_the_set(toposeam, folder):
     sheet, drawn = (read_picture(f"set/{name}.png").pixels[..., :3] for name in ("tiles", "map"))
     np.testing.assert_array_equal(drawn[:, :32], sheet[64:96, 64:96])
     np.testing.assert_array_equal(drawn[:, 32:], sheet[32:64, 32:64])
+
+
+@pytest.mark.medium
+@pytest.mark.skipif(sys.platform != "linux", reason="names are Unicode elsewhere")
+def test_names_that_are_not_text(toposeam, folder):
+    shutil.copy("grass.png", os.fsdecode(b"caf\xe9.png"))
+    ran = toposeam("tileset", "grass.png", os.fsdecode(b"caf\xe9.png"), "--size", "32", "-o", "set")
+    assert ran.code == 0, ran
+    root = ElementTree.parse(folder / "set/tiles.tsx").getroot()
+    assert [one.get("name") for one in root.iter("wangcolor")] == ["grass", r"caf\udce9"]
+    assert r'terrain_1/name = "caf\\udce9"' in (folder / "set/tiles.tres").read_text()
 
 
 @pytest.mark.medium

@@ -279,6 +279,26 @@ def test_what_cannot_be_joined_is_refused_in_one_sentence():
             ts.motif.arrange(motifs, arrangement)
 
 
+@pytest.mark.parametrize(
+    ("given", "stages", "between", "parameter", "text"),
+    [
+        (2, 4, 8, "stages", "make 730 of 2, more than 100; ask for fewer stages"),
+        (2, 10, 1, "stages", "make 513 of 2, more than 100; ask for fewer stages"),
+        (101, 1, 1, "recipes", "101 recipes were given, more than 100; join fewer"),
+    ],
+)
+def test_rows_of_too_many_motifs_are_refused(given, stages, between, parameter, text):
+    with pytest.raises(ts.OptionError, match=text) as raised:
+        ts.motif.join_motifs(_recipes(range(given), 16), stages=stages, between=between)
+    assert (raised.value.kind, raised.value.parameter, raised.value.allowed) == ("too large", parameter, 100)
+
+
+def test_recipes_of_days_of_work_are_not_joined():
+    recipes = [dataclasses.replace(recipe, iterations=10000) for recipe in _recipes(size=256)]
+    with pytest.raises(ts.OptionError, match="takes 10000 iterations of 256 × 256 elements"):
+        ts.motif.join_motifs(recipes)
+
+
 def test_members_begin_as_blends_of_the_fixed_ones_beside_them():
     left, right = np.zeros((4, 4)), np.full((4, 4), 0.4)
     left[0], right[-1] = 0.6, 0.1

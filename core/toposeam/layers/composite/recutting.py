@@ -36,6 +36,7 @@ def restitch(
     paths: Mapping[Pair, SvgSeam],
     *,
     fixed: npt.ArrayLike | None = None,
+    cut_out: bool = False,
     cost: MatchCost | None = None,
     blend: Blend = "none",
     blend_width: float | None = None,
@@ -57,6 +58,9 @@ def restitch(
         The changed seams by pair of layers, on the canvas, applied in this order.
     fixed : (H, W) int array, optional
         The number of the layer that must show, -1 where any may; ignored where that layer has no pixels.
+    cut_out : bool
+        Whether the layers are cut out of larger ones, which reach beyond each other. So what lies inside
+        another layer here need not show.
     cost : MatchCost, optional
         As for :func:`toposeam.stitch`.
     blend, blend_width
@@ -108,7 +112,7 @@ def restitch(
         found = label_map_of_masks(canvas, shown)
         for pair, drawing in drawings.items():
             _divide(canvas, found.labels, pair, drawing)
-        seams = SeamsOfMap(search.pose(canvas), found, tuple(drawings), search.recorded())
+        seams = SeamsOfMap(search.pose(canvas, cut_out=cut_out), found, tuple(drawings), search.recorded())
     if fixed is not None:
         wanted = _where_possible(canvas, as_labels(fixed, canvas.shape, "fixed"))
         again = search.recut(seams.labelling, found, fixed=wanted)

@@ -67,6 +67,7 @@ def pose_labelling(
     weight: npt.NDArray[Any] | None = None,
     avoid: Mask | None = None,
     given: Sequence[tuple[Pair, Mask]] = (),
+    cut_out: bool = False,
 ) -> Labelling:
     """Pose the labelling problem of placed layers.
 
@@ -82,11 +83,14 @@ def pose_labelling(
         As for :func:`toposeam.find_seam`, on the canvas.
     given : sequence of ((int, int), (H, W) bool array)
         Seams that are given: a pair of layers, and the mask where the second one shows beside the first.
+    cut_out : bool
+        Whether the layers are cut out of larger ones, so that those that lie inside others have no cores.
     """
     places, covered = canvas.places, canvas.covers
     pairs = _overlapping(places, covered)
     allowed = _away_from_ends(places, covered)
-    _keep_cores(canvas.box, places, covered, allowed, core, speck)
+    if not cut_out:
+        _keep_cores(canvas.box, places, covered, allowed, core, speck)
     for pair, labels in given:
         _apply_seam(places, allowed, pair, labels)
     match = MatchCost() if match is None else match

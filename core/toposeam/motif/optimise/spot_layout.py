@@ -11,7 +11,7 @@ from scipy import ndimage
 from toposeam.arrays import Mask
 from toposeam.errors import OptionError, Term
 from toposeam.motif.recipe.recipe import Point
-from toposeam.motif.symmetry.rules import move_onto_axes
+from toposeam.motif.symmetry.rules import move_onto_axes, operations
 
 #: Least distance of random spots, as a share of the distance in an even distribution.
 _MIN_DISTANCE = 0.7
@@ -27,6 +27,10 @@ _MAX_HEIGHT = 0.09
 
 #: Largest number of random spots of one layer: the time to place them grows with its square.
 _MAX_POINTS = 200
+
+#: Largest numbers of copies in a cell, by the rule's operations, of random spots whose number is not given,
+#: and of circles of them: strokes of more are as small as what is dropped as crumbs.
+_MOST_COPIES, _MOST_CIRCLES = 200, 12
 
 #: A number of spots, or x, y and optionally a strength of each.
 Points = int | Sequence[Sequence[float]]
@@ -52,7 +56,7 @@ def spots(
     ------
     OptionError
     """
-    count = drawn if value is None else value
+    count = min(drawn, max(1, _MOST_COPIES // len(operations(repeat)))) if value is None else value
     if isinstance(count, int | np.integer):
         if count < 1:
             raise OptionError(
@@ -150,7 +154,7 @@ def inside_only(points: tuple[Point, ...], inside: Mask | None) -> tuple[Point, 
 
 
 def lay_spots(
-    lay: str, rng: np.random.Generator, seed: int, strengths: tuple[float, float], aspect: float
+    lay: str, rng: np.random.Generator, seed: int, strengths: tuple[float, float], aspect: float, repeat: str
 ) -> tuple[tuple[Point, ...], tuple[Point, ...]] | None:
     """Return sources and sinks on waves or circles; None where they lie anywhere.
 
@@ -166,13 +170,16 @@ def lay_spots(
     strengths : (low, high)
     aspect : float
         Width of the cell over its height.
+    repeat : str
+        The rule, whose operations copy what is laid.
     """
     if lay == "anywhere":
         return None
     if lay == "circles":
         common = np.random.default_rng([seed, 103])
         sources, sinks = [], []
-        for place in _random_places(int(common.integers(1, 4)), common, aspect, None):
+        many = min(int(common.integers(1, 4)), max(1, _MOST_CIRCLES // len(operations(repeat))))
+        for place in _random_places(many, common, aspect, None):
             count, radius = int(rng.integers(7, 15)), float(rng.uniform(0.09, 0.24)) * min(1.0, aspect)
             angle = 2 * np.pi * (np.arange(count) + rng.random()) / count
             away = radius * np.column_stack([np.cos(angle) / aspect, np.sin(angle)])

@@ -15,7 +15,7 @@ import numpy as np
 
 from toposeam.checks import check_choice, check_items
 from toposeam.errors import OptionError, Term
-from toposeam.motif.symmetry.rules import REPEATS, check_repeat
+from toposeam.motif.symmetry.rules import REPEATS, check_repeat, operations
 
 #: How random sources and sinks lie: anywhere; sinks along waves across the cell; sources along one wave and
 #: sinks along another; sources on circles round the sinks.
@@ -23,6 +23,9 @@ LAYS = ("anywhere", "sinks on waves", "wave to wave", "circles")
 #: The second number of the seeds from which styles and rules are drawn, so that they do not change what else
 #: is drawn.
 _STYLE_STREAM, _RULE_STREAM = 101, 102
+#: Rules of three operations or more. A few large strokes make an ornament under these; under others they look
+#: as if they were dropped.
+_ORNAMENTAL = tuple(rule for rule in REPEATS[1:] if len(operations(rule)) >= 3)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,7 +64,14 @@ class Style:
 STYLES: dict[str, Style] = {
     "vein": Style(look="branching veins", wash=0.15),
     "cutout": Style(look="cut paper", filter_radius=8.0, mass=(0.18, 0.3), layers=2),
-    "chain": Style(look="chains and tendons", sources=(5, 8), sinks=(5, 8), ambient=(0.0, 0.0), layers=2),
+    "chain": Style(
+        look="chains and tendons",
+        sources=(5, 8),
+        sinks=(5, 8),
+        ambient=(0.0, 0.0),
+        layers=2,
+        rules=_ORNAMENTAL,
+    ),
     "seed": Style(
         look="scattered seeds and links",
         sources=(34, 47),
@@ -75,8 +85,22 @@ STYLES: dict[str, Style] = {
     "leaf": Style(look="a mosaic of leaves", filter_radius=3.0, mass=(0.29, 0.36), avoid=1.0),
     "rosette": Style(look="watercolour", wash=1.0, mass=(0.18, 0.34), layers=2),
     "brush": Style(look="brush strokes in fog", iterations=12, penalty=1.5, mass=(0.16, 0.26), layers=2),
-    "folk": Style(look="folk ornament", filter_radius=4.0, ambient=(0.0, 0.0), mass=(0.2, 0.3), layers=2),
-    "bone": Style(look="bones and beads", penalty=6.0, filter_radius=1.5, ambient=(0.05, 0.15), layers=2),
+    "folk": Style(
+        look="folk ornament",
+        filter_radius=4.0,
+        ambient=(0.0, 0.0),
+        mass=(0.2, 0.3),
+        layers=2,
+        rules=_ORNAMENTAL,
+    ),
+    "bone": Style(
+        look="bones and beads",
+        penalty=6.0,
+        filter_radius=1.5,
+        ambient=(0.05, 0.15),
+        layers=2,
+        rules=_ORNAMENTAL,
+    ),
     "pebble": Style(
         look="pebbles and worms",
         sources=(26, 35),
@@ -93,7 +117,9 @@ STYLES: dict[str, Style] = {
     "thread": Style(
         look="threads and knots", lay="wave to wave", ambient=(0.0, 0.0), mass=(0.14, 0.24), layers=2
     ),
-    "daisy": Style(look="flower heads", lay="circles", ambient=(0.0, 0.0), mass=(0.1, 0.17), layers=2),
+    "daisy": Style(
+        look="flower heads", lay="circles", ambient=(0.0, 0.0), mass=(0.1, 0.17), layers=2, rules=_ORNAMENTAL
+    ),
     "thesis": Style(
         look="the thesis's algorithm, (4.1) to (4.5), to the letter",
         ambient=(0.0, 0.0),

@@ -85,3 +85,15 @@ def test_what_does_not_fit_is_refused(layers, change, phrase):
     paths = {change.get("pair", (0, 1)): straight(41, change.get("width", 110))}
     with pytest.raises(ts.TopoSeamError, match=phrase):
         ts.layers.restitch(layers, masks, paths)
+
+
+def test_what_is_cut_out_of_larger_layers_keeps_no_core():
+    rng = np.random.default_rng(4)
+    layers = [ts.Layer(rng.random((40, 60))), ts.Layer(rng.random((30, 40)), at=(12, 5))]
+    masks = [np.zeros((40, 60), bool)] * 2
+    cored, free = (
+        ts.layers.restitch(layers, masks, {}, cut_out=cut_out).labelling.allowed[0]
+        for cut_out in (False, True)
+    )
+    assert free[6:34, 13:51].all()
+    assert not cored[20, 30]

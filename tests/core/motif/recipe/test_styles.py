@@ -8,6 +8,7 @@ import pytest
 import toposeam as ts
 from toposeam.heat.plate import Plate
 from toposeam.motif.recipe import STYLES, Recipe
+from toposeam.motif.symmetry import operations
 
 SEEDS = range(1, 41)
 
@@ -39,6 +40,25 @@ def test_a_recipe_keeps_to_its_style(style):
             assert layer.penalty == like.penalty or (like.wash and 1 <= layer.penalty <= 1.3)
             assert layer.avoid == like.avoid
         assert Recipe.from_dict(recipe.to_dict()) == recipe
+
+
+@pytest.mark.parametrize("style", ["chain", "folk", "bone", "daisy"])
+def test_few_large_strokes_draw_rules_of_many_copies(style):
+    drawn = [ts.motif.random_recipe(64, style=style, repeat=None, seed=seed).repeat for seed in SEEDS]
+    assert min(len(operations(rule)) for rule in drawn) >= 3
+    assert ts.motif.random_recipe(64, style=style, repeat="p1", seed=1).repeat == "p1"
+
+
+@pytest.mark.parametrize("style", ["seed", "pebble", "daisy"])
+def test_many_small_strokes_are_larger_than_crumbs(style):
+    """Strokes of more sources would be as small as what the print leaves out."""
+    for seed in range(6):
+        layer = ts.motif.random_recipe(64, style=style, repeat="p6m", seed=seed).layers[0]
+        assert 12 * len(layer.sources) <= 200
+        alone = ts.motif.random_recipe(64, style=style, repeat="p1", seed=seed).layers[0]
+        assert len(alone.sources) >= len(layer.sources)
+    given = ts.motif.random_recipe(64, style=style, repeat="p6m", seed=1, sources=30).layers[0]
+    assert len(given.sources) == 30
 
 
 def test_a_rule_fits_the_cell():

@@ -150,3 +150,9 @@ def test_no_border_shows(repeat):
         assert border_visibilities(motif).max() <= 1.0
         for layer, density in zip(motif.recipe.layers, motif.densities, strict=True):
             assert density.mean() == pytest.approx(layer.mass, abs=0.01)
+
+
+def test_a_border_where_nothing_lies_becomes_even():
+    """No factor makes ink of nothing, so what lies beside the border has to become less."""
+    motif = ts.motif(96, style="folk", repeat="drop", seed=1)
+    assert border_visibilities(motif).max() <= 1

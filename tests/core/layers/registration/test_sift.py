@@ -7,8 +7,9 @@ from scipy.spatial import cKDTree
 from skimage import data, feature
 from skimage.registration import phase_cross_correlation
 
-from toposeam.layers.registration import find_features
-from toposeam.layers.registration.pair_matching import _moves
+import toposeam as ts
+from toposeam.layers.canvas import similarity
+from toposeam.layers.registration import describe_picture, find_features, find_patches
 
 CONTRAST = 0.004
 
@@ -89,15 +90,17 @@ def test_faint_detail_is_left_out(picture):
     assert len(none) == 0
 
 
-@pytest.mark.parametrize("size", [16, 31, 64])
+@pytest.mark.parametrize("size", [70, 200])
 def test_patches_are_moved_as_skimage_moves_each(size):
-    rng = np.random.default_rng(5)
-    whole = gaussian_filter(rng.normal(0, 1, (5, 100, 100)), (0, 2, 2)).astype(np.float32)
-    ones, others = whole[:, :size, :size], whole[:, 3 : 3 + size, 1 : 1 + size]
-    one_by_one = [
-        phase_cross_correlation(*pair, upsample_factor=20, normalization=None)[0]
-        for pair in zip(ones, others, strict=True)
-    ]
-    assert np.array_equal(_moves(ones, others), one_by_one)
-    assert np.ptp(one_by_one) > 0
-    assert _moves(ones[:0], others[:0]).shape == (0, 2)
+    whole = 0.5 + gaussian_filter(np.random.default_rng(5).normal(0, 1, (210, 210)), 2)
+    one, other = (describe_picture(ts.Layer(whole[at : at + size, 2 * at : 2 * at + size])) for at in (0, 3))
+    a, b = one.detail, other.detail
+    match = find_patches(one, other, similarity((0, 0)))
+    side = min(64, int(0.7 * (size - 1)))
+    assert len(match.first) > 10
+    for first, second in zip(match.first, match.second, strict=True):
+        left, top = (first - (side - 1) / 2).astype(int)
+        there = np.s_[top : top + side, left : left + side]
+        shift = phase_cross_correlation(a[there], b[there], upsample_factor=20, normalization=None)[0]
+        assert np.array_equal(first - second, shift[::-1].astype(float))
+    assert match.first - match.second == pytest.approx(np.tile([6, 3], (len(match.first), 1)), abs=0.5)

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import scipy
 
 from toposeam import _kernels
 from toposeam.arrays import Floats32, Image, Mask
@@ -276,7 +275,9 @@ def blurred(pictures: Floats32, *blurs: float) -> Floats32:
         if _kernels.library is None or _kernels.library.blurred(
             math.prod(count), rows, columns, source, radius, half, target
         ):
-            scipy.ndimage.gaussian_filter(source, (*(0 for _ in count), blur, blur), output=target)
+            from scipy.ndimage import gaussian_filter  # takes a while to load
+
+            gaussian_filter(source, (*(0 for _ in count), blur, blur), output=target)
         source = target
     return result
 

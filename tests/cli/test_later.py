@@ -77,6 +77,15 @@ def test_what_is_wrong_is_told_before_numerics_load(words):
     assert not loaded("stitch", *words) & {"numpy", "scipy", "pyvips", "PIL"}
 
 
+@pytest.mark.medium
+@pytest.mark.parametrize("command", ["fill", "synth", "tile", "motif"])
+def test_a_wrong_option_is_told_before_what_grows(command):
+    slow = {"scipy.spatial", "skimage.morphology", "skimage.draw", "toposeam.texture.material"}
+    if command != "motif":
+        slow |= {"scipy.sparse", "scipy.ndimage", "scipy.fft", "toposeam.heat.network"}
+    assert not loaded(command, "a.png", "--bogus") & slow
+
+
 def test_what_a_stitch_never_uses_is_not_loaded(tmp_path):
     """Inside of NumPy's Fortran wrappers, tests and masked arrays there are modules of their own."""
     loaded = printed(

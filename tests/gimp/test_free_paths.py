@@ -11,11 +11,8 @@ from toposeam_engine.lines import lines_of
 from toposeam_gimp.image import curves
 from toposeam_gimp.image import path_choice as choosing
 
-
-def test_a_line_becomes_a_stroke_of_straight_pieces():
-    assert curves.straight_stroke([1, 2, 3, 4]) == [1, 2, 1, 2, 1, 2, 3, 4, 3, 4, 3, 4]
-
-
+#: A stroke of one straight piece, with handles on its anchors.
+STRAIGHT = [1, 1, 1, 1, 1, 1, 2, 2, 2, 2, 2, 2]
 #: Two curves: a straight one and one with handles; what they stand for.
 CURVES = [[0, 0, 0, 0, 5, 9, 5, 9], [5, 9, 8, 12, 8, 16, 5, 20]]
 PIECES = [[0, 0, 0, 9, 5, 9], [5, 9, 7, 9, 7, 20, 5, 20]]
@@ -56,7 +53,7 @@ def test_only_what_was_bent_is_followed():
     assert len(line["points"]) > 12
 
 
-@pytest.mark.parametrize("strokes", [[], [known_line()["stroke"], curves.straight_stroke([1, 1, 2, 2])]])
+@pytest.mark.parametrize("strokes", [[], [known_line()["stroke"], STRAIGHT]])
 def test_strokes_added_or_removed_count_as_touched(strokes):
     assert curves.lines_of([(stroke, False) for stroke in strokes], [known_line()])[1]
 

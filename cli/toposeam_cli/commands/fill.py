@@ -62,7 +62,7 @@ from toposeam_cli.textures.options import (
 @option(
     "--by",
     heading="Hole",
-    type=click.Choice(ts.texture.BYS),
+    type=click.Choice(ts.typing.BYS),
     default="auto",
     show_default=True,
     help="Continue a texture by patches, or stitch a photograph from shifted copies of itself.",

@@ -142,7 +142,7 @@ _GUIDE = (
 @option(
     "--turns",
     heading="Texture",
-    type=click.Choice(ts.texture.TURNS),
+    type=click.Choice(ts.typing.TURNS),
     default="none",
     show_default=True,
     help="Also take patches mirrored left to right, turned by quarters, or both.",

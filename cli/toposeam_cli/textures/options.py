@@ -317,7 +317,7 @@ _SEARCH: tuple[Callable[[Any], Any], ...] = (
     option(
         "--method",
         heading="Patches",
-        type=click.Choice(ts.seam.METHODS),
+        type=click.Choice(ts.typing.METHODS),
         default="auto",
         show_default=True,
         help="How seams are found; auto takes the exact solver that is fastest.",

@@ -13,7 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from toposeam.arrays import Floats, Ints
 from toposeam.checks import check_kind, check_number
@@ -32,7 +32,7 @@ _REFITS = 6
 #: Further fits, with weights that grow where the curve is too far (Lawson 1961); and the distance, as a
 #: multiple of the tolerance, above which they are not tried.
 _REWEIGHTINGS = 20
-_HOPELESS = 1.7
+_HOPELESS = 1.3
 #: Length of the first stretch that is tried, px along the line.
 _FIRST_STRETCH_PX = 16
 #: The end of a stretch is found to one part in this many of its length.
@@ -89,8 +89,8 @@ class SmoothPath:
                 for curve, length in zip(self.curves, np.diff(self.along), strict=True)
             ]
         )
-        there = cKDTree(drawn).query(self.dense)[0]
-        back = cKDTree(_dense(self.dense, 1 / 16)).query(drawn)[0]
+        there = scipy.spatial.cKDTree(drawn).query(self.dense)[0]
+        back = scipy.spatial.cKDTree(_dense(self.dense, 1 / 16)).query(drawn)[0]
         return float(max(there.max(), back.max()))
 
 
@@ -181,7 +181,7 @@ def _curve(points: Floats, tolerance: float) -> tuple[Floats, float]:
     length = len(points) - 1
     share, weight = np.linspace(0, 1, length + 1), np.ones(length + 1)
     samples = np.linspace(0, 1, max(length, 8) + 1)
-    tree = cKDTree(points)
+    tree = scipy.spatial.cKDTree(points)
     best, least = np.stack([start, start, end, end]), np.inf
     for refit in range(_REFITS + _REWEIGHTINGS):
         u = share[:, np.newaxis]
@@ -192,7 +192,7 @@ def _curve(points: Floats, tolerance: float) -> tuple[Floats, float]:
             handles = start + np.array([[1.0], [2.0]]) / 3 * (end - start)
         curve = np.stack([start, handles[0], handles[1], end])
         drawn = _cubic(curve, samples[:, np.newaxis])
-        distance, nearest = cKDTree(drawn).query(points)
+        distance, nearest = scipy.spatial.cKDTree(drawn).query(points)
         miss = float(max(distance.max(), tree.query(drawn)[0].max()))
         if miss < least:
             best, least = curve, miss

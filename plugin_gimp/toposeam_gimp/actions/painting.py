@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
 from gi.repository import Gimp
 
-from toposeam_gimp.actions.below import picture_below
-from toposeam_gimp.actions.joining import request_of
 from toposeam_gimp.actions.patches import patch_selection
-from toposeam_gimp.actions.restitching import layers_of, restitch
+from toposeam_gimp.actions.restitching import joined_again, layers_of, names_of, restitch
 from toposeam_gimp.actions.seams import stitch_layers
-from toposeam_gimp.engine.call import Call, GoneError, renamed
+from toposeam_gimp.engine.call import Call, GoneError
 from toposeam_gimp.engine.folder import FolderError
 from toposeam_gimp.engine.process import EngineError, keep
 from toposeam_gimp.entries.table import PROCEDURES
@@ -24,7 +22,6 @@ from toposeam_gimp.image.layers import (
     mark_place,
     one_undo_step,
     remember,
-    send_shown,
     stitched_group,
     sums_of,
     under_masks,
@@ -81,7 +78,7 @@ def paint_hints(call: Call) -> Gimp.Layer:
                 "Paint on “Seam hints” where “{name}” shall show: that is the foreground colour now. Each "
                 "layer has the colour of its tag in the Layers dialog; of two, X swaps them. Then choose "
                 "Re-stitch."
-            ).format(name=_names_of(memory, layers)[meant[-1]])
+            ).format(name=names_of(memory, layers)[meant[-1]])
         )
     return strokes
 
@@ -121,7 +118,7 @@ class Painting:
         self._group, memory = stitched_group(call.image, [strokes])
         below = [_("What lies below")] if memory["kind"] == "patch" else []
         #: Names of the layers, the lowest first.
-        self.names = [*below, *_names_of(memory, layers_of(call.image, memory))]
+        self.names = [*below, *names_of(memory, layers_of(call.image, memory))]
         self._marked: list[list[int]] = []
         self._tiles = pixels.tiles_of(strokes)
         #: What each stroke covered, by the corner of the tile.
@@ -228,29 +225,9 @@ class Painting:
 
 def _places(call: Call, strokes: Gimp.Layer) -> list[list[int]]:
     """Return the places of the canvas where the seams, as they are shown, may be noticed."""
-    image = call.image
-    group, memory = stitched_group(image, [strokes])
-    layers = layers_of(image, memory)
-    with request_of(image, layers, with_masks=False, of="restitch") as (folder, rasters):
-        shown = [pixels.send_mask(folder, layer, f"shown-{index}") for index, layer in enumerate(layers)]
-        if memory["kind"] == "patch":
-            rasters.insert(0, picture_below(folder, image, layers[0], pixels.box_of(rasters[0])))
-            shown.insert(0, None)
-        request = {
-            "look": True,
-            "layers": rasters,
-            "shown": shown,
-            "written": send_shown(folder, group, memory),
-            "masks_kept": memory["masks"] == sums_of(layers),
-            "seams": [],
-            "options": renamed(memory["options"]),
-        }
-        answer = call.ask(folder, {"operation": "restitch", **request})
+    group, memory = stitched_group(call.image, [strokes])
+    layers = layers_of(call.image, memory)
+    with joined_again(call, group, layers, memory, sums_of(layers)) as (folder, request):
+        answer = call.ask(folder, {"operation": "restitch", "look": True, **request})
     places: list[list[int]] = answer["places"]
     return places
-
-
-def _names_of(memory: Mapping[str, Any], layers: Sequence[Gimp.Layer]) -> list[str]:
-    """Return the names that the layers had before they were joined."""
-    names = list(memory.get("names") or [])
-    return names if len(names) == len(layers) else [layer.get_name() for layer in layers]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 from gi.repository import Gimp
@@ -48,28 +49,15 @@ def restitch(call: Call) -> Gimp.Layer:
     window = None if bent else window_of(layers, strokes, memory, now)
     for part in (window, None) if window else (None,):
         sent = part and part.sent
-        with request_of(image, layers, with_masks=False, of="restitch", window=sent) as (folder, rasters):
-            names = memory.get("names") or [layer.get_name() for layer in layers]
-            for raster, name in zip(rasters, names, strict=True):
-                raster["name"] = name
-            shown = [
-                pixels.send_mask(folder, layer, f"shown-{index}", sent) for index, layer in enumerate(layers)
-            ]
-            if memory["kind"] == "patch":
-                rasters.insert(0, picture_below(folder, image, layers[0], pixels.box_of(rasters[0])))
-                shown.insert(0, None)
-            before = memory.get("strokes", {})
+        with joined_again(call, group, layers, memory, now["masks"], sent) as (folder, known):
+            before, rasters = memory.get("strokes", {}), known["layers"]
             request = {
-                "layers": rasters,
+                **known,
                 "within": part and part.within,
-                "shown": shown,
-                "masks_kept": memory["masks"] == now["masks"],
-                "written": send_shown(folder, group, memory),
                 "hints": pixels.send_strokes(folder, strokes, now["strokes"], sent),
                 "news": strokes and pixels.changed_box(strokes, before, now["strokes"]),
                 "colours": hints.colours_in(image)[: len(rasters)],
                 "seams": applied,
-                "options": renamed(memory["options"]),
             }
             answer = call.ask(folder, {"operation": "restitch", **request})
             if answer.get("again"):
@@ -91,6 +79,7 @@ def restitch(call: Call) -> Gimp.Layer:
                     strokes = hints.replace_hints(folder, image, group, strokes, answer["hints"], layers)
                     now["strokes"] = pixels.tile_sums(strokes)
                 now["masks"] = sums_of(layers, now["masks"] if sent else None, sent)
+                names = names_of(memory, layers)
                 about = {"kind": memory["kind"], "options": memory["options"], "names": names, **now}
                 remember(folder, group, layers, seams, blended, about, answer, strokes)
                 _select_again(call, strokes if paints else group)
@@ -98,6 +87,39 @@ def restitch(call: Call) -> Gimp.Layer:
             break
     keep()
     return group
+
+
+@contextmanager
+def joined_again(
+    call: Call,
+    group: Gimp.Layer,
+    layers: Sequence[Gimp.Layer],
+    memory: Mapping[str, Any],
+    sums: Sequence[Any],
+    window: pixels.Box | None = None,
+) -> Iterator[tuple[RequestFolder, dict[str, Any]]]:
+    """Open a request's folder and write what is known of a stitched group, perhaps within a window of the
+    canvas; yield the folder and the request. `sums` holds the checksums of the masks.
+    """
+    image = call.image
+    with request_of(image, layers, with_masks=False, of="restitch", window=window) as (folder, rasters):
+        for raster, name in zip(rasters, names_of(memory, layers), strict=True):
+            raster["name"] = name
+        shown = [pixels.send_mask(folder, layer, f"shown-{n}", window) for n, layer in enumerate(layers)]
+        if memory["kind"] == "patch":
+            rasters.insert(0, picture_below(folder, image, layers[0], pixels.box_of(rasters[0])))
+            shown.insert(0, None)
+        about = {"masks_kept": memory["masks"] == sums, "written": send_shown(folder, group, memory)}
+        yield (
+            folder,
+            {"layers": rasters, "shown": shown, **about, "seams": [], "options": renamed(memory["options"])},
+        )
+
+
+def names_of(memory: Mapping[str, Any], layers: Sequence[Gimp.Layer]) -> list[str]:
+    """Return the names that the layers had before they were joined."""
+    names = list(memory.get("names") or [])
+    return names if len(names) == len(layers) else [layer.get_name() for layer in layers]
 
 
 def _put(

@@ -87,10 +87,7 @@ def _placed(folder: RequestFolder, image: Gimp.Image, drawables: Layers) -> Scen
     layers = layers_to_join(image, drawables)
     most = min(_MOST_PLACED * len(layers), _MOST_TOGETHER)
     scale = _scale(sum(_area(pixels.layer_box(layer)) for layer in layers), most)
-    rasters = [
-        pixels.send_reduced(folder, image, layer, f"layer-{index}", scale)
-        for index, layer in enumerate(layers)
-    ]
+    rasters = _rasters(folder, image, layers, scale)
     return {"of": "stitch", "scale": scale, "layers": rasters, "selection": None}
 
 
@@ -102,10 +99,7 @@ def _stitch(folder: RequestFolder, image: Gimp.Image, drawables: Layers, options
     boxes = [pixels.layer_box(layer) for layer in layers]
     canvas = pixels.around(boxes)
     scale = _scale(max(_area(canvas), sum(map(_area, boxes))))
-    rasters = [
-        pixels.send_reduced(folder, image, layer, f"layer-{index}", scale)
-        for index, layer in enumerate(layers)
-    ]
+    rasters = _rasters(folder, image, layers, scale)
     about = {"selection": _selection(folder, image, scale, canvas), **_avoided(folder, image, scale, options)}
     return {"of": "stitch", "scale": scale, "layers": rasters, **about}
 
@@ -143,7 +137,7 @@ def _patch(folder: RequestFolder, image: Gimp.Image, drawables: Layers, options:
 
 
 def _sample(folder: RequestFolder, image: Gimp.Image, drawables: Layers, options: Scene) -> Scene:
-    made = _texture("synthesize", folder, image, drawables, 1.0, most=_MOST_SAMPLED)
+    made = _texture("synthesize", folder, image, drawables, most=_MOST_SAMPLED)
     # A part of the texture, not all of it reduced: its patches would be too small to be patches.
     grown = options["width"] * options["height"] * made["scale"] ** 2
     return {**made, "extent": _scale(grown, _MOST_GROWN)}
@@ -151,7 +145,7 @@ def _sample(folder: RequestFolder, image: Gimp.Image, drawables: Layers, options
 
 def _tile(folder: RequestFolder, image: Gimp.Image, drawables: Layers, _options: Scene) -> Scene:
     box = selected_rectangle(image)
-    return _texture("make_tileable", folder, image, drawables, 1.0, box=box, most=_MOST_TILED)
+    return _texture("make_tileable", folder, image, drawables, box=box, most=_MOST_TILED)
 
 
 def _hole(folder: RequestFolder, image: Gimp.Image, drawables: Layers, options: Scene) -> Scene:
@@ -176,7 +170,7 @@ def _hole(folder: RequestFolder, image: Gimp.Image, drawables: Layers, options: 
         shown = pixels.common(whole, pixels.grown(selected, near)) or shown
         about = {"shown": [shown[0] - box[0], shown[1] - box[1], *shown[2:]]}
     most = _area(box) if about else _MOST_GROWN
-    made = _texture("fill", folder, image, drawables, 1.0, box=box, most=most)
+    made = _texture("fill", folder, image, drawables, box=box, most=most)
     if about:
         made["layer"]["cut_from"] = _area(whole)
     made["selection"] = _selection(folder, image, made["scale"], box)
@@ -197,10 +191,7 @@ def _pattern(folder: RequestFolder, image: Gimp.Image, drawables: Layers, option
     group, memory = motif_of(image, drawables)
     inks = inks_of(group)
     scale = _scale(_area(pixels.layer_box(inks[0])) * options["rows"] * options["columns"])
-    densities = [
-        pixels.send_reduced(folder, image, ink.get_mask(), f"ink-{index}", scale)
-        for index, ink in enumerate(inks)
-    ]
+    densities = _rasters(folder, image, [ink.get_mask() for ink in inks], scale)
     about = {"repeat": memory["repeat"], **colours_of(group)}
     return {"of": "repeat", "scale": 1.0, "densities": densities, **about}
 
@@ -211,11 +202,15 @@ def _clip(folder: RequestFolder, image: Gimp.Image, _drawables: Layers, _options
     if _LEAST_FRAME * len(frames) > _MOST_LOOPED:
         raise RefusedError(_("There is no preview of so many frames."))
     scale = _scale(area * len(frames), _MOST_LOOPED)
-    rasters = [
-        pixels.send_reduced(folder, image, frame, f"frame-{index}", scale)
-        for index, frame in enumerate(frames)
-    ]
+    rasters = _rasters(folder, image, frames, scale)
     return {"of": "loop", "scale": scale, "layers": rasters, "delay": delay_of(frames)}
+
+
+def _rasters(folder: RequestFolder, image: Gimp.Image, drawables: Layers, scale: float) -> list[Scene]:
+    return [
+        pixels.send_reduced(folder, image, one, f"layer-{index}", scale)
+        for index, one in enumerate(drawables)
+    ]
 
 
 def _texture(
@@ -223,13 +218,12 @@ def _texture(
     folder: RequestFolder,
     image: Gimp.Image,
     drawables: Layers,
-    scale: float,
     *,
     box: Box | None = None,
     most: int = MOST_PIXELS,
 ) -> Scene:
     (layer,) = chosen_layers(image, drawables)
-    scale = min(scale, _scale(_area(box or pixels.layer_box(layer)), most))
+    scale = _scale(_area(box or pixels.layer_box(layer)), most)
     raster = pixels.send_reduced(folder, image, layer, "layer", scale, box)
     selection = None if box is not None else _selection(folder, image, scale, pixels.layer_box(layer))
     return {"of": of, "scale": scale, "layer": raster, "selection": selection}

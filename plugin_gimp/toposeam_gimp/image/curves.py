@@ -22,11 +22,6 @@ Line = list[float]
 Stroke = tuple[Sequence[float], bool]
 
 
-def straight_stroke(points: Sequence[float]) -> Line:
-    """Return a stroke of straight pieces, with handles on their anchors."""
-    return [value for index in range(0, len(points), 2) for value in [*points[index : index + 2]] * 3]
-
-
 def stroke_of(curves: Sequence[Sequence[float]], closed: bool) -> Line:
     """Return the stroke of curves, each of which begins at the end of the one before."""
     stroke: Line = []

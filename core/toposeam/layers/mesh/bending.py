@@ -43,7 +43,7 @@ def bent(
     sizes: Sequence[tuple[int, int]],
     matches: tuple[Floats, Floats],
     cost: float,
-) -> tuple[Transform, ...]:
+) -> tuple[tuple[Transform, ...], bool]:
     """Bend two pictures.
 
     Parameters
@@ -62,8 +62,10 @@ def bent(
 
     Returns
     -------
-    tuple of Transform
+    transforms : tuple of Transform
         The given ones where bending does not pay.
+    seen : bool
+        Whether the trial seam of the bent pictures may be seen; True where they are not bent.
     """
     most = max(scales)
     lines = [
@@ -74,20 +76,20 @@ def bent(
     points = (zeros, zeros + 1, *matches)
     coarse = solved(flat_meshes(transforms, sizes, coarse=True), lines, points, _COARSE_SCALES)
     meshes = solved(finer(coarse), lines, points, _SCALES)
-    best, least = tuple(transforms), _GAIN * cost
+    best, least, best_seen = tuple(transforms), _GAIN * cost, True
     for number in range(_ROUNDS + 1):
         trial = trial_seam(copies, scales, meshes, most)
         if trial is None:
             break
         seam, layers = trial
-        own = float(seam.cost)
+        own, seen = float(seam.cost), is_seen(seam, most)
         if own < least and folding(meshes) > _LEAST_AREA:
-            best, least = tuple(meshes), own
-        if number == _ROUNDS or own > _DEARER[number] * cost or not is_seen(seam, most):
+            best, least, best_seen = tuple(meshes), own, seen
+        if number == _ROUNDS or own > _DEARER[number] * cost or not seen:
             break
         flow = _flow(copies, scales, meshes, (seam, layers))
         meshes = solved(meshes, lines, points, _SCALES, flow)
-    return best
+    return best, best_seen
 
 
 def _flow(

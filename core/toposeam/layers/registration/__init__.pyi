@@ -6,7 +6,7 @@ from .features import describe_picture, find_features
 from .find_places import PlaceOptions, Places, among, found_places
 from .given_points import matches_of
 from .homography import applied
-from .pair_matching import Match
+from .pair_matching import Match, find_patches
 from .perspective import Lens, View, camera_transforms, fit_models, plane_transforms
 from .placement import MODELS, VISIBLE_PX, Placement, Residual, large_canvas, moved_camera, weakly_held
 from .planes import find_planes, together_verified
@@ -32,6 +32,7 @@ __all__ = [
     "describe_picture",
     "evidence_of",
     "find_features",
+    "find_patches",
     "find_planes",
     "fit_models",
     "found_places",

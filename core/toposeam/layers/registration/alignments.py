@@ -20,6 +20,7 @@ from toposeam.layers.mesh.trial import is_seen, reduced_copies, toned_copies, tr
 from toposeam.layers.registration.homography import least_squares_homography
 from toposeam.layers.registration.pair_matching import Match
 from toposeam.layers.registration.placement import Placement, Residual
+from toposeam.seam.result.seam import Seam
 
 
 def cheapest(
@@ -30,6 +31,7 @@ def cheapest(
     *,
     gain: float = 0.6,
     stretch: float = 2.0,
+    near: float = 0.4,
 ) -> Placement:
     """Choose the placement of two pictures whose trial seam is cheapest, and bend them where that pays.
 
@@ -37,7 +39,8 @@ def cheapest(
     ----------
     pictures : two of Layer
     placement : Placement
-        The one that residuals prefer. Once a seam is invisible, no other placement is computed.
+        The one that residuals prefer. Once a seam is invisible, that of bent pictures as well, no other
+        placement is computed.
     others : iterator of Placement
     planes : sequence of Match
         Points of all planes; with none the pictures are not bent.
@@ -46,12 +49,20 @@ def cheapest(
     stretch : float
         Another placement may not stretch a picture anywhere more in one direction than in the other by this
         factor, nor show less of it.
+    near : float
+        Likeness of the worst part of the seam of `placement` from which on it is bent before others are
+        computed: most seams that differ so little are invisible then.
     """
     copies, scales = reduced_copies(pictures)
     copies = toned_copies(copies, scales, placement.transforms, max(scales))
     best, trial = placement, trial_seam(copies, scales, placement.transforms, max(scales))
     if trial is None or not is_seen(trial[0], max(scales)):
         return placement
+    tried = None
+    if trial[0].verdict is not None and trial[0].verdict.worst >= near:
+        tried, seen = _bent(placement, trial[0], copies, scales, planes)
+        if not seen:
+            return tried
     least = gain * float(trial[0].cost)
     for other in (_in_view_of(placement, other) for other in others):
         if not is_seen(trial[0], max(scales)):
@@ -60,18 +71,28 @@ def cheapest(
             own = trial_seam(copies, scales, other.transforms, max(scales))
             if own is not None and float(own[0].cost) < least:
                 best, trial, least = other, own, float(own[0].cost)
-    if not planes or not is_seen(trial[0], max(scales)):
-        return best
+    if tried is not None and best is placement:
+        return tried
+    return _bent(best, trial[0], copies, scales, planes)[0]
+
+
+def _bent(
+    placement: Placement, seam: Seam, copies: Sequence[Layer], scales: Sequence[int], planes: Sequence[Match]
+) -> tuple[Placement, bool]:
+    """Bend the pictures of a placement where that pays; return also whether their trial seam may be seen."""
+    if not planes or not is_seen(seam, max(scales)):
+        return placement, True
     from toposeam.layers.mesh.bending import bent  # most pictures are not bent
 
     points = np.concatenate([one.first for one in planes]), np.concatenate([one.second for one in planes])
-    transforms = bent(copies, scales, best.transforms, best.sizes, points, float(trial[0].cost))
-    if transforms == best.transforms:
-        return best
+    transforms, seen = bent(copies, scales, placement.transforms, placement.sizes, points, float(seam.cost))
+    if transforms == placement.transforms:
+        return placement, True
     here, there = (one.to_canvas(own) for one, own in zip(transforms, points, strict=True))
     distances = np.hypot(*(there - here).T)
-    residual = Residual.of(distances, here, best.residuals[0, 1].features)
-    return replace(best, transforms=transforms, residuals={(0, 1): residual}, misfit=residual.median)
+    residual = Residual.of(distances, here, placement.residuals[0, 1].features)
+    bent_one = replace(placement, transforms=transforms, residuals={(0, 1): residual}, misfit=residual.median)
+    return bent_one, seen
 
 
 def _stretch(placement: Placement) -> float:

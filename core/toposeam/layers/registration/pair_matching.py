@@ -15,6 +15,7 @@ import scipy
 
 from toposeam.arrays import Complexes, Floats, Floats32, Indices, Mask
 from toposeam.heat.threads import one_thread
+from toposeam.images import blurred
 from toposeam.layers.canvas.layer import Layer
 from toposeam.layers.canvas.transforms import (
     PlaneTransform,
@@ -514,8 +515,6 @@ def find_patches(a: FeatureSet, b: FeatureSet, transform: Transform, count: int 
         Centres of the patches, none where fewer than two count, and the correlation of all. None where the
         overlap is too small or shows nothing.
     """
-    from skimage.registration import phase_cross_correlation
-
     height, width = b.detail.shape
     transform = ReducedTransform(transform, a.detail_scale, b.detail_scale)
     reached = reach(transform, (width, height))
@@ -534,23 +533,25 @@ def find_patches(a: FeatureSet, b: FeatureSet, transform: Transform, count: int 
     grid = np.stack(np.meshgrid(np.arange(size), np.arange(size)), axis=-1)
     coordinates = transform.to_picture((corners[:, np.newaxis, np.newaxis] + grid).astype(float))
     inside = ((coordinates >= 0) & (coordinates <= np.array([width, height]) - 1)).all(axis=(1, 2, 3))
+    corners, coordinates = corners[inside], coordinates[inside]
+    nearest = np.rint(coordinates).astype(int)
+    known = b.known[nearest[..., 1], nearest[..., 0]].all(axis=(1, 2))
+    corners, coordinates = corners[known], coordinates[known]
+    ones = np.array([a.detail[top : top + size, left : left + size] for left, top in corners])
+    ones = ones.reshape(-1, size, size)
+    others = scipy.ndimage.map_coordinates(b.detail, np.moveaxis(coordinates, 3, 0)[::-1], order=1)
+    moves = _moves(ones, others)
+    moves[~((ones.std(axis=(1, 2)) > 0) & (others.std(axis=(1, 2)) > 0))] = 0
+    cornered = _are_cornered(ones)
     centres, shifts, energy = [], [], np.zeros(3)
-    register: Any = phase_cross_correlation  # carries no types
-    for (left, top), (x, y) in zip(corners[inside], np.moveaxis(coordinates[inside], 3, 1), strict=True):
-        if not b.known[np.rint(y).astype(int), np.rint(x).astype(int)].all():
-            continue
-        one = a.detail[top : top + size, left : left + size]
-        other = scipy.ndimage.map_coordinates(b.detail, [y, x], order=1)
-        shift = np.zeros(2)
-        if one.std() > 0 and other.std() > 0:
-            shift = register(one, other, upsample_factor=20, normalization=None)[0]  # to 1/20 px
+    for corner, one, other, shift, good in zip(corners, ones, others, moves, cornered, strict=True):
         moved = scipy.ndimage.shift(other, shift, order=1)
         first, second = one[4:-4, 4:-4], moved[4:-4, 4:-4]
         products = np.array([(first * second).sum(), (first**2).sum(), (second**2).sum()], np.float64)
         energy += products
         correlation = float(products[0] / np.sqrt(max(products[1] * products[2], 1e-12)))
-        if correlation > _LEAST_PATCH_CORRELATION and _is_cornered(one) and np.abs(shift).max() <= size / 4:
-            centres.append(np.array([left, top]) + (size - 1) / 2)
+        if correlation > _LEAST_PATCH_CORRELATION and good and np.abs(shift).max() <= size / 4:
+            centres.append(corner + (size - 1) / 2)
             shifts.append(shift[::-1])
     if energy[1] * energy[2] <= 0:
         return None
@@ -565,15 +566,37 @@ def find_patches(a: FeatureSet, b: FeatureSet, transform: Transform, count: int 
     )
 
 
-def _is_cornered(patch: Floats32) -> bool:
-    """Test whether a patch differs from itself moved in any direction: one with straight edges does not."""
-    smooth = scipy.ndimage.gaussian_filter(patch, 1.5)
-    down, right = np.gradient(smooth)
-    tensor = np.array(
-        [[np.sum(down * down), np.sum(down * right)], [np.sum(down * right), np.sum(right * right)]]
-    )
-    least, most = np.linalg.eigvalsh(tensor)
-    return bool(least > _LEAST_CORNER * most)
+def _moves(ones: Floats32, others: Floats32, finer: int = 20) -> Floats32:
+    """Find by how much each of (K, s, s) patches has to be moved to lie on another one: (K, 2), y and x, px.
+
+    This is scikit-image's ``phase_cross_correlation`` without normalization, of all patches at once: the peak
+    of the correlation, and then the one of a transform `finer` times as fine round it (Guizar-Sicairos,
+    Thurman and Fienup 2008, doi:10.1364/OL.33.000156).
+    """
+    size = ones.shape[1]
+    if not len(ones):
+        return np.zeros((0, 2), np.float32)
+    product = scipy.fft.fft2(ones) * scipy.fft.fft2(others).conj()
+    peak = np.abs(scipy.fft.ifft2(product)).reshape(len(ones), -1).argmax(axis=1)
+    moves = np.stack(np.unravel_index(peak, (size, size)), axis=1).astype(np.float32)
+    moves[moves > size // 2] -= size
+    side = int(np.ceil(1.5 * finer))
+    steps = ((np.arange(side) - side // 2) / finer).astype(np.float32)
+    # (K, 2, side, size): down and across
+    turns = (moves[..., np.newaxis] + steps.astype(float))[..., np.newaxis] * scipy.fft.fftfreq(size)
+    waves = np.exp(2j * np.pi * turns).astype(product.dtype)
+    fine = np.abs(waves[:, 0] @ product @ waves[:, 1].swapaxes(1, 2)).reshape(len(ones), -1).argmax(axis=1)
+    return np.asarray(moves + steps[np.stack(np.unravel_index(fine, (side, side)), axis=1)])
+
+
+def _are_cornered(patches: Floats32) -> Mask:
+    """Test which of (K, s, s) patches differ from themselves moved in any direction: with straight edges they
+    do not.
+    """
+    down, right = np.gradient(blurred(patches, 1.5)[0], axis=(1, 2))
+    sums = [np.sum(one * other, axis=(1, 2)) for one, other in ((down, down), (down, right), (right, right))]
+    least, most = np.linalg.eigvalsh(np.stack([*sums[:2], *sums[1:]], axis=1).reshape(-1, 2, 2)).T
+    return np.asarray(least > _LEAST_CORNER * most)
 
 
 def quarter_turns(

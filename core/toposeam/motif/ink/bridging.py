@@ -19,8 +19,6 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
-from skimage.draw import line
-from skimage.morphology import skeletonize
 
 from toposeam.arrays import Floats, Ints, Mask
 from toposeam.motif.ink.raster import Raster
@@ -61,6 +59,8 @@ def one_piece(mask: Mask, raster: Raster, width: float) -> Floats:
     (H, W) float array
         In elements. All of it is above 0 where the mask is empty.
     """
+    from skimage.morphology import skeletonize  # takes a while to load
+
     mask = _without_small(mask, raster, width)
     wide, before = raster.padded(mask)
     depth = ndimage.distance_transform_edt(wide, sampling=raster.spacing)
@@ -89,6 +89,8 @@ def _without_small(mask: Mask, raster: Raster, width: float) -> Mask:
 
 def _connected(cores: Mask, raster: Raster) -> Mask:
     """Return cores with the lines of pixels that connect them, in the whole plane."""
+    from skimage.draw import line
+
     labels, count = ndimage.label(cores, _SQUARE)
     tree = _Tree(count)
     if raster.is_closed:

@@ -14,7 +14,6 @@ import math
 import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
-from skimage.morphology import area_closing
 
 from toposeam.arrays import Floats32, Mask
 from toposeam.motif.symmetry.rules import HEXAGONAL
@@ -52,6 +51,8 @@ def repair_strokes(density: Floats32, repeat: str, mass: float, kept: int = 0) -
     -------
     (h, w) float32 array in [0, 1]
     """
+    from skimage.morphology import area_closing  # takes a while to load
+
     smallest, hexagonal = _smallest(density.shape), repeat in HEXAGONAL
     reach = round(min(density.shape) * _GAP_RADIUS)
     margin = min(_reach(smallest) + 2 * reach, *density.shape)

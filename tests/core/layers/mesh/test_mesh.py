@@ -18,6 +18,7 @@ from toposeam.layers.mesh import (
     toned_copies,
     trial_seam,
 )
+from toposeam.layers.registration import Match, Residual, cheapest
 
 SIZE = (160, 120)
 
@@ -202,10 +203,38 @@ def test_a_bent_pair_has_a_cheaper_seam(walked):
     copies, scales = reduced_copies(views)
     before = float(trial_seam(copies, scales, plain, max(scales))[0].cost)
     sizes = [(280, 240)] * 2
-    found = bent(copies, scales, plain, sizes, (first, own), before)
+    found, _ = bent(copies, scales, plain, sizes, (first, own), before)
     after = float(trial_seam(copies, scales, found, max(scales))[0].cost)
     assert all(isinstance(one, MeshTransform) for one in found)
     assert after < 0.3 * before
+
+
+@pytest.mark.medium
+@pytest.mark.parametrize(("near", "computed"), [(0.0, 0), (1.0, 1)])
+def test_who_needs_little_bending_needs_no_other_plane(walked, near, computed):
+    views, second = walked
+    own = np.random.default_rng(1).uniform((2, 2), (140, 236), (150, 2))
+    first = own + np.stack([120 + np.interp(own[:, 1], np.arange(240), second), np.zeros(150)], axis=1)
+    transforms = (similarity((0, 0)), similarity((127, 0)))
+    placement = ts.layers.Placement(
+        layers=tuple(map(on_canvas, views, transforms)),
+        model="plane",
+        sizes=((280, 240),) * 2,
+        transforms=transforms,
+        numbers=(0, 1),
+        correlations={},
+        residuals={(0, 1): Residual(0.5, 1.0, 150, 150)},
+        misfit=0.5,
+    )
+    asked = []
+
+    def others():
+        asked.append(True)
+        yield placement
+
+    found = cheapest(views, placement, others(), [Match(first, own, 1.0)], near=near)
+    assert all(isinstance(one, MeshTransform) for one in found.transforms)
+    assert len(asked) == computed
 
 
 @pytest.mark.medium
@@ -217,7 +246,8 @@ def test_what_gains_nothing_is_not_bent(walked):
     own = np.random.default_rng(0).uniform((0, 0), (125, 199), (60, 2))
     cost = float(trial_seam(copies, scales, plain, 1)[0].cost)
     assert (
-        bent(copies, scales, plain, [(260, 200), (270, 200)], (own + np.array([130, 0]), own), cost) == plain
+        bent(copies, scales, plain, [(260, 200), (270, 200)], (own + np.array([130, 0]), own), cost)[0]
+        == plain
     )
 
 

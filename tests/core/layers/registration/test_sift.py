@@ -1,12 +1,15 @@
-"""SIFT features against scikit-image's, against a turned picture, and of pictures that show nothing."""
+"""SIFT features and shifts of patches against scikit-image's, features of a turned picture and of nothing."""
 
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 from scipy.spatial import cKDTree
 from skimage import data, feature
+from skimage.registration import phase_cross_correlation
 
-from toposeam.layers.registration import find_features
+import toposeam as ts
+from toposeam.layers.canvas import similarity
+from toposeam.layers.registration import describe_picture, find_features, find_patches
 
 CONTRAST = 0.004
 
@@ -85,3 +88,19 @@ def test_faint_detail_is_left_out(picture):
     none, _ = find_features(picture / 1000, CONTRAST)
     assert 0 < len(strong) < len(all_of_it) / 3
     assert len(none) == 0
+
+
+@pytest.mark.parametrize("size", [70, 200])
+def test_patches_are_moved_as_skimage_moves_each(size):
+    whole = 0.5 + gaussian_filter(np.random.default_rng(5).normal(0, 1, (210, 210)), 2)
+    one, other = (describe_picture(ts.Layer(whole[at : at + size, 2 * at : 2 * at + size])) for at in (0, 3))
+    a, b = one.detail, other.detail
+    match = find_patches(one, other, similarity((0, 0)))
+    side = min(64, int(0.7 * (size - 1)))
+    assert len(match.first) > 10
+    for first, second in zip(match.first, match.second, strict=True):
+        left, top = (first - (side - 1) / 2).astype(int)
+        there = np.s_[top : top + side, left : left + side]
+        shift = phase_cross_correlation(a[there], b[there], upsample_factor=20, normalization=None)[0]
+        assert np.array_equal(first - second, shift[::-1].astype(float))
+    assert match.first - match.second == pytest.approx(np.tile([6, 3], (len(match.first), 1)), abs=0.5)

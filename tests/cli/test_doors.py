@@ -66,6 +66,7 @@ def go(folder, *command, code=None, **more):
     path = os.pathsep.join([".", "", "bin", os.environ["PATH"], "."])
     given = {"PIP_NO_INDEX": "1", "PIP_CONFIG_FILE": os.devnull, "HOME": str(home), **more}
     environment = {**os.environ, "PATH": path, "PYTHONPATH": os.pathsep.join(HOMES), **given}
+    environment.pop("PYTHONSAFEPATH", None)  # commands that ran in this process may have set it
     ended = subprocess.run(
         command, cwd=folder, env=environment, capture_output=True, text=True, timeout=300, check=False
     )

@@ -52,7 +52,7 @@ class Kept(NamedTuple):
 
     def _common(self, canvas: Canvas) -> tuple[Box, tuple[slice, slice]]:
         """Return what the label map and a canvas share, and its slices on the canvas."""
-        box = _box_of(canvas).moved(-self.at[1], -self.at[0])
+        box = canvas.frame.moved(-self.at[1], -self.at[0])
         common = box.shared(Box(0, 0, *self.labels.shape))
         return common, common.within(box)
 
@@ -88,7 +88,7 @@ def kept_of(layers: Sequence[ts.Layer], labels: Labels, canvas: Canvas) -> Kept:
         if not all(part.shape):  # a transparent pixel keeps its number
             part = Box(box.top, box.left, box.top + 1, box.left + 1)
         inside.append(_empty(cut(cover, place, part), (left + part.left, top + part.top), layer.name))
-    return Kept(labels[box.slices], inside, (left + box.left, top + box.top), _box_of(canvas))
+    return Kept(labels[box.slices], inside, (left + box.left, top + box.top), canvas.frame)
 
 
 def unpacked(job: EngineJob, about: Mapping[str, Any]) -> Kept:
@@ -113,8 +113,3 @@ def _empty(cover: Mask, at: tuple[int, int], name: str) -> ts.Layer:
     empty = np.broadcast_to(np.uint8(0), cover.shape)
     alpha = None if cover.all() else np.where(cover, full_scale(empty.dtype), empty)
     return ts.Layer(empty, alpha=alpha, at=at, name=name)
-
-
-def _box_of(canvas: Canvas) -> Box:
-    """Return the box of a canvas in px of the asker's."""
-    return canvas.box.moved(canvas.origin[1], canvas.origin[0])

@@ -113,7 +113,7 @@ def _shown(job: EngineJob, layers: Sequence[ts.Layer], canvas: Canvas) -> Labels
 
 def _written(known: Kept, canvas: Canvas, *, whole: bool) -> Labels | None:
     """(H, W): the labels of the masks as they were written; None if layers were moved since."""
-    if whole and known.whole != canvas.box.moved(canvas.origin[1], canvas.origin[0]):
+    if whole and known.whole != canvas.frame:
         return None
     return known.on(canvas)
 

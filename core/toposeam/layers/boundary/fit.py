@@ -57,8 +57,7 @@ def fitted_boundary(
     boxes = [_box_of(*item) for item in zip(layers, transforms, strict=True)]
     blanks = [Layer(np.broadcast_to(np.uint8(0), box.shape), at=(box.left, box.top)) for box in boxes]
     canvas = common_canvas(blanks, max_megapixels=_LARGEST, wrap=wrap)
-    whole = canvas.box.moved(canvas.origin[1], canvas.origin[0])
-    seen = overview(layers, transforms, whole, wrap)
+    seen = overview(layers, transforms, canvas.frame, wrap)
     if seen.cover.all() or not seen.cover.any():
         return None
     goes_round = wrap is not None

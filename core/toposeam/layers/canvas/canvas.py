@@ -62,6 +62,11 @@ class Canvas:
         return Box(0, 0, *self.shape)
 
     @property
+    def frame(self) -> Box:
+        """The box of the canvas in the layers' coordinates."""
+        return self.box.moved(self.origin[1], self.origin[0])
+
+    @property
     def names(self) -> tuple[str, ...]:
         """The layers' names."""
         return tuple(layer.name for layer in self.layers)

@@ -63,10 +63,8 @@ def fitted(composed: Composition) -> Composition:
     """
     check_kind("composed", composed, Composition, "the result of stitch")
     canvas = composed.canvas
-    left, top = canvas.origin
-    places = [similarity(layer.at) for layer in composed.layers]
-    whole, round_way = canvas.box.moved(top, left), canvas.period is not None
-    seen = overview(composed.layers, places, whole, canvas.period)
+    places, round_way = [similarity(layer.at) for layer in composed.layers], canvas.period is not None
+    seen = overview(composed.layers, places, canvas.frame, canvas.period)
     if not seen.cover.any() or not _any_holes(composed):
         return composed
     ground = ground_of(seen)
